@@ -53,7 +53,7 @@ def measured(model: symgen.Model) -> Measurement:
     exact = Exact(system, list(model.parameters.values()))
     by_numpy = NumpyAssembly(exact, scene, model)
 
-    address = model._library.addresses["accelerations"]
+    address = model.library.addresses["accelerations"]
     sizes = model.description.sizes_of("accelerations")
     parameters = model.evaluator.parameters
     work = np.zeros(max(k.work_size for k in model.description.kernels) + 1)

@@ -407,9 +407,7 @@ def compiled_block(name: str) -> Any:
 
         return evaluate
 
-    return SimpleNamespace(
-        ADDRESSES=model._library.addresses, **{k: call(k) for k in model._library.addresses}
-    )
+    return SimpleNamespace(ADDRESSES=model.library.addresses, **{k: call(k) for k in model.library.addresses})
 
 
 def pytest_configure() -> None:

@@ -198,7 +198,7 @@ def scene(name: str) -> str:
     rng = np.random.default_rng(1)
     model = symgen.build(name)
     rigid = model.rigid if isinstance(model, ElasticModel) else model
-    calls = kernels_of(model.description, rigid._library, rng)
+    calls = kernels_of(model.description, rigid.library, rng)
     if isinstance(model, LoopModel):
         runs = loop(model, rng)
         model.inverse_dynamics(samples=7) if model.is_driven else model.simulate(0.05)

@@ -125,7 +125,7 @@ def size(n: int, folder: Path) -> dict[str, Any]:
     found, start = model.accelerations(), model.initial_state()
     expected = exact(n)
     wrong = max(float(np.linalg.norm(found[point] - expected)) for point in model.description.free)
-    kernel, counts = model._library.addresses["accelerations"], model.description.sizes_of("accelerations")
+    kernel, counts = model.library.addresses["accelerations"], model.description.sizes_of("accelerations")
     state, unknowns = np.concatenate([start.q, start.u, [0.0]])[None, :], 4 * n + 3
     work = np.zeros(max(k.work_size for k in model.description.kernels) + 1)
     out = np.zeros((1, unknowns))

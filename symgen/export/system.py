@@ -26,11 +26,11 @@ def system(model: SystemModel, program: Program, sources: tuple[SourceFile, ...]
     sizes = {"T": d.size("t"), "Q": d.size("q"), "U": d.size("u"), "P": d.size("p")}
     sizes |= {"WORK": max(work, d.size("work")), "OUT": max(k.out_size for k in kernels)}
     arguments = {name: _numbers(size + 1, k) for k, (name, size) in enumerate(sizes.items())}
-    p = as_taken(model._library, arguments["P"][:-1])
+    p = as_taken(model.library, arguments["P"][:-1])
     rows = []
     for kernel in kernels:
         memory, out = arguments["WORK"].copy(), arguments["OUT"].copy()
-        address = model._library.addresses[kernel.name]
+        address = model.library.addresses[kernel.name]
         _core.call(
             address, d.sizes_of(kernel.name), arguments["T"], arguments["Q"], arguments["U"], p, memory, out
         )

@@ -59,7 +59,7 @@ class ModelOfRigid(Model):
     """A linkage with elastic links, about ``rigid``, the linkage that it is with all links rigid."""
 
     def __init__(self, rigid: RodModel) -> None:
-        parts = rigid.description, rigid._library, rigid._derive, rigid.parameters
+        parts = rigid.description, rigid.library, rigid._derive, rigid.parameters
         super().__init__(*parts, typed=rigid.number_type)
         self.rigid = rigid
 

@@ -59,7 +59,7 @@ class LoopModel(Model):
     @cached_property
     def kernels(self) -> LoopKernels:
         """Its kernels as functions of arrays."""
-        return LoopKernels(self.description, self._library, self.parameter_values, self.number_type)
+        return LoopKernels(self.description, self.library, self.parameter_values, self.number_type)
 
     def __repr__(self) -> str:
         d = self.description

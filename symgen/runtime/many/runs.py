@@ -126,7 +126,7 @@ class Runs:
             return {}
         model, count = self.model, len(self)
         rows = [self.columns.get(name, np.full(count, value)) for name, value in model.parameters.items()]
-        return refusals(model.description, model._library, np.column_stack(rows))
+        return refusals(model.description, model.library, np.column_stack(rows))
 
     def driven(self) -> CompiledRuns | None:
         """Return the runs in lanes, if they are of a driven linkage."""

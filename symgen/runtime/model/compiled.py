@@ -72,7 +72,9 @@ class Compiled:
         #: Kernels in the number type of the model, single and in lanes.
         self.number_type = typed
         self._batches: Batch | None = None
-        self.description, self._library, self._derive = description, library, derive
+        #: Kernels of one state, in doubles.
+        self.library = library
+        self.description, self._derive = description, derive
         values = {p.name: p.default for p in description.tunable}
         for name, value in (parameters or {}).items():
             if name not in values:
@@ -98,10 +100,10 @@ class Compiled:
             When a value of the scene, such as a mass, has the wrong sign at these parameters.
         """
         changed = {**self.parameters, **values}
-        parts = self.description, self._library, self._derive, changed, self._analyses, self.number_type
+        parts = self.description, self.library, self._derive, changed, self._analyses, self.number_type
         model = type(self)(*parts, **self._more)
         row = np.array([[*model.parameters.values()]])
-        for reason in refusals(self.description, self._library, row).values():
+        for reason in refusals(self.description, self.library, row).values():
             raise RangeError(f"{self.name}: {reason}")
         return model
 
@@ -144,7 +146,7 @@ class Compiled:
     @property
     def backend(self) -> str:
         """Where the kernels come from: ``c`` (compiled for the scene), ``shipped``, ``numpy``, ``mpmath``."""
-        return "mpmath" if self.number_type and self.number_type.digits else self._library.backend
+        return "mpmath" if self.number_type and self.number_type.digits else self.library.backend
 
     @property
     def mobility(self) -> tuple[str, ...]:

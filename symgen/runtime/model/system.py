@@ -55,9 +55,9 @@ class SystemModel(Model):
         if np.size(work):
             memory[: self.description.size("work")] = self._array("work", work)[:-1]
         out = np.zeros(info.out_size + 1)
-        parameters = as_taken(self._library, self._array("p", p)[:-1])
+        parameters = as_taken(self.library, self._array("p", p)[:-1])
         arrays = self._array("q", q), self._array("u", u), parameters
-        sizes, address = self.description.sizes_of(kernel), self._library.addresses[kernel]
+        sizes, address = self.description.sizes_of(kernel), self.library.addresses[kernel]
         _core.call(address, sizes, np.array([float(t)]), *arrays, memory, out)
         return {b.name: part(out, b) for b in info.blocks}
 

@@ -42,7 +42,7 @@ class LinkageModel(Model):
         super().__init__(*arguments, **more)
         if self.description.kernel("run_end"):
             rest, parameters = np.zeros(self.description.coordinates), np.array(self.parameter_values)
-            evaluator = Evaluator(self.description, self._library, parameters)
+            evaluator = Evaluator(self.description, self.library, parameters)
             (end,) = evaluator.blocks("run_end", 0.0, rest, rest)["t_end"]
             self.description = replace(self.description, t_end=float(end))
 
@@ -53,7 +53,7 @@ class LinkageModel(Model):
     @cached_property
     def evaluator(self) -> Evaluator:
         """Its kernels as functions of arrays."""
-        return Evaluator(self.description, self._library, np.array(self.parameter_values))
+        return Evaluator(self.description, self.library, np.array(self.parameter_values))
 
     def __repr__(self) -> str:
         d = self.description
