@@ -92,7 +92,7 @@ int loop_assemble(struct loop *l, real t, real *q, long *rank) {
         }
         l->seen->iterations = k + 1;
     }
-    const real defect = loop_look(l, t, q);
+    const real defect = loop_evaluate(l, t, q);
     const struct qr *f = &l->factor;
     for (*rank = 0; *rank < f->steps; ++*rank)
         if (!(real_fabs(f->r[(ROWS + 1) * *rank]) > R(10) * CLOSE * real_fabs(f->r[0])))

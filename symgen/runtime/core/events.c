@@ -55,8 +55,8 @@ void move_to(struct run *run, real h, real theta) {
     look_at_events(run->e, t, run->stage);
 }
 
-/* Evaluate all events at the looks of the step, on the interpolant or on the cubic. */
-static void look(struct run *run, real h, int finely) {
+/* Evaluate all events at the probes of the step, on the interpolant or on the cubic. */
+static void probe_events(struct run *run, real h, int finely) {
     long events = run->e->sizes.events;
     for (int k = 1; k < STEP_PROBES; k++) {
         real theta = R(k) / R(STEP_PROBES);
@@ -145,7 +145,7 @@ void locate_events(struct run *run, real t_new, real h, int *prepared) {
     memcpy(run->gaps, run->gaps + STEP_PROBES * events, (size_t)events * sizeof(real));
     look_at_events(run->e, t_new, run->y_new);
     memcpy(run->gaps + STEP_PROBES * events, run->e->gaps, (size_t)events * sizeof(real));
-    look(run, h, 0);
+    probe_events(run, h, 0);
     for (long i = 0; i < (STEP_PROBES + 1) * events && s->blind < 0; i++)
         if (!real_isfinite(run->gaps[i])) {
             s->blind = i % events;
@@ -156,7 +156,7 @@ void locate_events(struct run *run, real t_new, real h, int *prepared) {
     if (!*prepared)
         run->scheme.kind->prepare(run, h);
     *prepared = 1;
-    look(run, h, 1);
+    probe_events(run, h, 1);
     for (long i = 0; i < events; i++)
         locate(run, h, i);
     for (long i = s->events_before; i < s->events; i++)

@@ -86,7 +86,7 @@ static int step(struct run *run, real t, real h, real t_new) {
             return SINGULAR;
     add_stages(x.b, x.stages, h, run->own, run->dim, run->y, run->y_new);
     if (x.same_as_last) {
-        int status = settle(run, t_new);
+        int status = project_new_state(run, t_new);
         if (status != DONE)
             return status;
         run->e->of->derivative(run->e, t_new, run->y_new, run->f_new);

@@ -33,7 +33,7 @@ size_t implicit_place(struct variations *v, const struct equations *e, void *mem
 }
 
 /* Evaluate dy/dt of stage s at a state, and its slopes by all directions. */
-static void look(struct variations *v, long s, real t, const real *state) {
+static void evaluate_slopes(struct variations *v, long s, real t, const real *state) {
     const ptrdiff_t n = v->e->n, k = v->sizes.columns, first = k - 2 * n;
     memset(v->by_stage, 0, (size_t)(2 * n * k) * sizeof(real));
     for (ptrdiff_t i = 0; i < 2 * n; i++)
@@ -80,7 +80,7 @@ static real radau_equations(struct variations *v, real t, real h, const real *y)
     real a[STAGES][STAGES], c[STAGES];
     radau_scheme(a, c);
     for (long s = 0; s < STAGES; s++)
-        look(v, s, t + c[s] * h, v->states + s * two);
+        evaluate_slopes(v, s, t + c[s] * h, v->states + s * two);
     memset(v->matrix, 0, (size_t)(all * all) * sizeof(real));
     for (long s = 0; s < STAGES; s++)
         for (ptrdiff_t i = 0; i < two; i++) {
@@ -135,7 +135,7 @@ static void add_accelerations(const struct variations *v, real factor, const rea
 
 static void begin_alpha(struct variations *v, real t, const real *y) {
     const size_t n = (size_t)v->e->n, rows = n * (size_t)v->sizes.columns;
-    look(v, 0, t, y);
+    evaluate_slopes(v, 0, t, y);
     for (size_t i = 0; i < 2; i++)
         memcpy(v->carried + i * n, v->rates + n, n * sizeof(real));
     memset(v->carried_moved, 0, 2 * rows * sizeof(real));
@@ -153,7 +153,7 @@ static real alpha_equations(struct variations *v, real t, real h, const real *y)
         state[i] = y[i] + h * (y[n + i] + h * ((R(0.5) - beta) * own[i] + beta * next[i]));
         state[n + i] = y[n + i] + h * ((1 - gamma) * own[i] + gamma * next[i]);
     }
-    look(v, 0, t + h, state);
+    evaluate_slopes(v, 0, t + h, state);
     for (ptrdiff_t i = 0; i < n; i++) {
         const real *slopes = v->slopes + i * k + first;
         for (ptrdiff_t j = 0; j < n; j++)

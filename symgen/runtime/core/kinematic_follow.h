@@ -240,7 +240,7 @@ static mask begin(struct kinematics *k, const struct kinematic_task *task) {
     k->t = all(R(task->t)), k->stride = all(0);
     for (int lane = 0; lane < WIDTH; lane++)
         task->reached[lane] = 0;
-    return begun(k, ~(mask){0});
+    return begin_pose(k, ~(mask){0});
 }
 
 /* Set the next time of lanes that have just arrived; lanes without a next time end. */
@@ -299,7 +299,7 @@ static ptrdiff_t multipliers(struct kinematics *k, const real *p, const real *p_
     const ptrdiff_t n = k->sizes.n, m = k->sizes.m;
     k->p = p;
     for (ptrdiff_t i = 0; i < count && !is_interrupted(i); i++, rows += 3 * n, lambda += m, quality += 2) {
-        missed(k, times[i], rows);
+        constraint_errors(k, times[i], rows);
         if (!any(factorise_groups(k)))
             return i;
         read_pivots(k, k->pivots);

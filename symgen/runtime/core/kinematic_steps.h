@@ -4,7 +4,7 @@
 #include "newton.h"
 
 /* Evaluate the constraints: Phi over its scale goes into k->phi, 1 / scale into k->weight. Return the largest. */
-static wide missed(struct kinematics *k, wide t, const wide *q) {
+static wide constraint_errors(struct kinematics *k, wide t, const wide *q) {
     const ptrdiff_t m = k->sizes.m;
     wide *values = k->closure, *scale = k->scale, *weight = k->weight, *phi = k->phi;
     call(k->kernels.closure, &t, q, k->still, k->p, k->work, values);
@@ -212,7 +212,7 @@ static wide correct_pose(void *of, struct newton *w) {
         for (ptrdiff_t j = 0; j < n; j++)
             pose->q[j] = chosen(moves, pose->q[j] - change[j], pose->q[j]);
     }
-    const wide worst = missed(k, pose->t, pose->q);
+    const wide worst = constraint_errors(k, pose->t, pose->q);
     w->size = larger(k->length, largest_in(pose->q, n));
     return chosen(moves, worst, all(REAL_INFINITY));
 }
@@ -229,7 +229,7 @@ static mask closed(struct kinematics *k, mask open, wide t, wide *q) {
 
 /* Write velocities and accelerations of the pose closed last; return the lanes in which it is not near a singular
    pose. */
-static mask moved(struct kinematics *k, const wide *t, const wide *q, wide *u, wide *a) {
+static mask solve_rates(struct kinematics *k, const wide *t, const wide *q, wide *u, wide *a) {
     const ptrdiff_t n = k->sizes.n, m = k->sizes.m;
     const mask good = factorise_groups(k);
     read_pivots(k, k->pivots);
@@ -257,10 +257,10 @@ static void take_matrices(struct kinematics *k, mask which) {
 }
 
 /* Begin at a pose at k->t; return the lanes in which it is closed and regular. */
-static mask begun(struct kinematics *k, mask which) {
+static mask begin_pose(struct kinematics *k, mask which) {
     const ptrdiff_t n = k->sizes.n;
     const mask found = closed(k, which, k->t, k->q);
-    const mask regular = moved(k, &k->t, k->q, k->q + n, k->q + 2 * n);
+    const mask regular = solve_rates(k, &k->t, k->q, k->q + n, k->q + 2 * n);
     take_matrices(k, ~(mask){0});
     return found & regular;
 }
@@ -289,7 +289,7 @@ static mask attempt(struct kinematics *k, mask which, wide next, mask *alive) {
     which &= largest_in(change, n) <= ASTRAY * way + R(1e-9) * k->length;
     if (!any(which))
         return which;
-    const mask sound = moved(k, &next, k->next, k->next + n, k->next + 2 * n);
+    const mask sound = solve_rates(k, &next, k->next, k->next + n, k->next + 2 * n);
     which &= same_branch(k);
     *alive &= ~which | sound;
     if (!any(which))

@@ -114,8 +114,8 @@ static void enter(struct loop *l) {
     l->seen->closure = (double)l->closure;
 }
 
-real loop_look(struct loop *l, real t, const real *q) {
-    look(l, t, q);
+real loop_evaluate(struct loop *l, real t, const real *q) {
+    evaluate_screws(l, t, q);
     enter(l);
     return l->closure;
 }
@@ -180,7 +180,7 @@ void loop_undetermined(struct loop *l, const real *times, const real *states, lo
         const real *q = states + row * i;
         long rank = 0;
         real norm = 0;
-        loop_look(l, times[i], q);
+        loop_evaluate(l, times[i], q);
         while (rank < l->factor.steps
                && real_fabs(l->factor.r[(ROWS + 1) * rank]) > least * real_fabs(l->factor.r[0]))
             rank++;

@@ -94,7 +94,7 @@ void loop_prescribe(struct loop *l, real t, real *q);
 
 /* Evaluate closure and screws at q and factorise; return the defect, which is not finite if closure or screws are
    not. */
-real loop_look(struct loop *l, real t, const real *q);
+real loop_evaluate(struct loop *l, real t, const real *q);
 
 /* Close the loop at t by Newton's method from q, in place; the factor of the solution is kept. */
 int loop_close(struct loop *l, real t, real *q);

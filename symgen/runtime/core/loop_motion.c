@@ -32,7 +32,7 @@ static int factorise_loop(struct equations *e, real t, const real *y) {
     struct loop *l = of(e);
     memcpy(l->q, y, (size_t)l->sizes.n * sizeof(real));
     loop_prescribe(l, t, l->q);
-    if (!real_isfinite(loop_look(l, t, l->q)))
+    if (!real_isfinite(loop_evaluate(l, t, l->q)))
         return NOT_FINITE;
     return judge(e);
 }
@@ -181,7 +181,7 @@ static void closing(const struct loop *l, const real *v, real *b) {
 /* The defect of closure [m]; `worst` is the entry (of 3 x 4) of largest error. */
 static real position_error_loop(struct equations *e, real t, const real *y) {
     const struct loop *l = of(e);
-    const real defect = loop_look(of(e), t, y);
+    const real defect = loop_evaluate(of(e), t, y);
     e->account->worst = 0;
     for (long i = 1; i < 12; i++)
         if (real_fabs(l->screws[i]) / (i % 4 == 3 ? l->size : 1)

@@ -50,7 +50,7 @@ static void scaled_columns(const LOOP *l, wide *columns) {
 }
 
 /* Evaluate closure and screws at q and factorise; return the largest defect, which is not finite if closure is not. */
-static wide look(LOOP *l, wide t, const wide *q) {
+static wide evaluate_screws(LOOP *l, wide t, const wide *q) {
     const long rank = l->sizes.rank;
     wide defects[12];
     call(l->kernels.position, &t, q, q, l->p, l->work, l->screws);
@@ -128,7 +128,7 @@ static wide correct_pose_of_loop(void *of, struct newton *w) {
         c->part = 1 / larger(all(1), c->step);
         retry(l, moves, c->part, c->q);
     }
-    const wide defect = look(l, c->t, c->q);
+    const wide defect = evaluate_screws(l, c->t, c->q);
     const mask least = (defect <= R(l->sizes.tolerance)) & (c->step <= STILL);
     return chosen(moves, chosen(least, all(0), defect), all(REAL_INFINITY));
 }
@@ -151,7 +151,7 @@ static mask closed_by_newton(LOOP *l, mask open, wide t, wide *q, int follows, m
     *regular = c.regular;
     if (any(w.worse)) {
         retry(l, w.worse, all(0), q);
-        look(l, t, q);
+        evaluate_screws(l, t, q);
     }
     return done | (w.open & (w.error <= coarse));
 }

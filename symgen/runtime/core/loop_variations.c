@@ -172,7 +172,7 @@ static int arrive(struct variations *v, real t, const real *y) {
     const ptrdiff_t n = v->e->n;
     memcpy(l->q, y, (size_t)n * sizeof(real));
     loop_prescribe(l, t, l->q);
-    if (!real_isfinite(loop_look(l, t, l->q)))
+    if (!real_isfinite(loop_evaluate(l, t, l->q)))
         return NOT_FINITE;
     for (ptrdiff_t c = 0; c < ROWS; c++) {
         real b[ROWS] = {0}, x[MOST];

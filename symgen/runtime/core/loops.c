@@ -15,7 +15,7 @@ static int assemble(struct loop *l, double t, void *q, long *rank) {
 }
 
 static double closed_screws(struct loop *l, double t, const void *q, void *screws) {
-    const real defect = loop_look(l, R(t), q);
+    const real defect = loop_evaluate(l, R(t), q);
     memcpy(screws, l->screws + 12, (size_t)(ROWS * l->sizes.n) * sizeof(real));
     return (double)defect;
 }

@@ -193,7 +193,7 @@ static int make_matrices(struct run *run, const struct radau *x, const struct co
     return 1;
 }
 
-static void look(struct run *run, real t, real *y, real *dy) {
+static void evaluate_rates(struct run *run, real t, real *y, real *dy) {
     if (is_magnified(run))
         derivative_along(run, t, y, dy);
     else
@@ -210,7 +210,7 @@ static int find_residual(struct run *run, const struct radau *x, const struct co
         const real *z = x->z, *slope = x->slopes + s * dim;
         for (long i = 0; i < dim; i++)
             run->stage[i] = run->y[i] + z[s * dim + i];
-        look(run, t + m->c[s] * h, run->stage, x->slopes + s * dim);
+        evaluate_rates(run, t + m->c[s] * h, run->stage, x->slopes + s * dim);
         if (!all_finite(slope, dim))
             return 0;
         for (long i = 0; i < 2 * n; i++) {
@@ -334,7 +334,7 @@ static int step(struct run *run, real t, real h, real t_new) {
     if (norm > 1 && (x.memo[REJECTED] || run->state->steps == 0)) {
         for (long i = 0; i < dim; i++)
             run->stage[i] = run->y[i] + run->error[i];
-        look(run, t, run->stage, run->f_new);
+        evaluate_rates(run, t, run->stage, run->f_new);
         norm = estimate(run, &x, &m, h, run->f_new);
     }
     x.memo[REJECTED] = !(norm <= 1);

@@ -174,7 +174,7 @@ static int meet_positions(struct run *run, const struct rattle *x, real t, const
 }
 
 /* Write the rates of y = (q_1, u, work) to x->rate, and the factorisation there to e->factors. */
-static void look(struct run *run, const struct rattle *x, real t, const real *y) {
+static void evaluate_rates(struct run *run, const struct rattle *x, real t, const real *y) {
     struct equations *e = run->e;
     e->of->derivative(e, t, y, x->rate);
     copy_factors(e, e->work, e->factors);
@@ -206,7 +206,7 @@ static real correct_velocities(void *of, struct newton *w) {
     const long n = e->n;
     real *half = k->run->error, *last = half + n, *u = k->y + n, change = 0;
     memcpy(last, u, (size_t)n * sizeof(real));
-    look(k->run, k->x, k->t_1, k->y);
+    evaluate_rates(k->run, k->x, k->t_1, k->y);
     k->status = kick(k->run, k->x, half, k->h, k->t_1, k->y);
     if (k->status != DONE)
         return REAL_INFINITY;
@@ -228,7 +228,7 @@ static int meet_velocities(struct run *run, const struct rattle *x, real h, real
     memcpy(run->error, y + n, (size_t)n * sizeof(real));
     add_multiple(n, h / 2, x->rate + n, y + n);
     if (!e->extra) { /* no force depends on velocities: the work of such a force would be integrated */
-        look(run, x, t_1, y);
+        evaluate_rates(run, x, t_1, y);
         return kick(run, x, run->error, h, t_1, y);
     }
     if (!newton_solve(&w, 1, correct_velocities, &k))

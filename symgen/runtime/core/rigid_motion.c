@@ -157,7 +157,7 @@ static real *solution(struct rigid_motion *m) {
 }
 
 /* Move the state to a near time; write accelerations and multipliers to `out` of the equations. */
-static int moved(struct rigid_motion *m, real t) {
+static int move_state(struct rigid_motion *m, real t) {
     struct equations *e = m->e;
     const real h = t - *m->t;
     real *y = m->y;
@@ -205,11 +205,11 @@ static int followed(struct rigid_motion *m, real t) {
         return NOT_FINITE;
     const long count = (long)steps + (steps > (long)steps);
     for (long k = 1; k < count; k++) {
-        const int status = moved(m, start + (t - start) * k / count);
+        const int status = move_state(m, start + (t - start) * k / count);
         if (status != DONE)
             return status;
     }
-    return moved(m, t);
+    return move_state(m, t);
 }
 
 int motion_at(struct rigid_motion *m, real t) {

@@ -310,7 +310,7 @@ int try_step(struct run *run, real h, real t_new) {
         s->h = shortened(run, h, s->norm);
         return AGAIN;
     }
-    status = s->settled ? DONE : settle(run, t_new);
+    status = s->settled ? DONE : project_new_state(run, t_new);
     if (status == AGAIN)
         s->h = h * s->shrink;
     /* The correction by the projection is the part of the step's error transverse to the constraints. If it exceeds

@@ -69,7 +69,8 @@ struct kind {
     int (*begin)(struct run *run);
     /* Write y_new, the state at t_new = t + h. Adaptive methods also write the error over the tolerance to
        state->norm. Return DONE; AGAIN with state->shrink; or the status that ends the run. Must not change y or f. A
-       method whose error estimate needs y_new on the constraints calls `settle` itself and returns its status. */
+       method whose error estimate needs y_new on the constraints calls `project_new_state` itself and returns its
+       status. */
     int (*step)(struct run *run, real t, real h, real t_new);
     /* y_new is accepted and projected: write dy/dt there to f_new. Returns a status. */
     int (*finish)(struct run *run, real h, real t_new);
@@ -207,7 +208,7 @@ int strayed(struct run *run, real t0, const real *y0, real t, real *y);
 
 /* Project y_new onto the constraints, unless the method keeps them or the user selects no projection. DONE; AGAIN
    with state->shrink if an adaptive step was too long; or the status that ends the run. */
-int settle(struct run *run, real t_new);
+int project_new_state(struct run *run, real t_new);
 
 /* Root mean square of the error of a step over the tolerance at y and y_new. */
 real error_norm(const struct run *run, real h, const real *error);

@@ -46,7 +46,7 @@ int strayed(struct run *run, real t0, const real *y0, real t, real *y) {
     return run->branch_bytes && sound < NEAR && return_to_branch(run->e, run->branch, t0, y0, t, y);
 }
 
-int settle(struct run *run, real t_new) {
+int project_new_state(struct run *run, real t_new) {
     struct state *s = run->state;
     struct equations *e = run->e;
     s->settled = 1, s->correction = 0;
