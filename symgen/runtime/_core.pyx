@@ -636,8 +636,9 @@ cdef class Run:
         self.asked.max_step = max_step
         self.asked.samples, self.asked.found = times.shape[0], REMEMBERED * len(directions)
         self.asked.places_only, self.asked.nodes = places_only, 0 if nodes is None else nodes.shape[0]
-        self.nodes, self.counts = nodes, np.array(counts, "l")
+        self.nodes = nodes
         if self.asked.nodes:
+            self.counts = np.array(counts, "l")
             _check_nodes(nodes, self.counts, t0, t_end)
         self.memory = memory_of(
             self.of.api.run_struct, self.of.api.run_bytes(equations.core, &self.scheme.filled, &self.asked)

@@ -388,7 +388,8 @@ class RodModel(LinkageModel):
         with limited(request.max_wall):
             tangent = self.analysis("tangent", stepping=True) if chosen.method.needs_tangent else None
             start = self._stored_start()
-            t, y = (0.0, start.y) if request.state is None else finite(request.state)
-            kernels = self.counting(request.state).evaluator
+            t, y, kernels = 0.0, start.y, self.evaluator
+            if request.state is not None:
+                (t, y), kernels = finite(request.state), self.counting(request.state).evaluator
             recorded = (keeping, tangent, request.t_eval, request.state)
             return run(kernels, t, y, start.redundant, chosen, request.progress, self.number_type, *recorded)
