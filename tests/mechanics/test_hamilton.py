@@ -365,6 +365,30 @@ def test_every_step_says_where_it_stands():
     assert [m.name for m in shown.matrices] == [step.name for step in steps]
 
 
+def test_the_velocity_of_a_point_is_the_rate_of_its_position():
+    """(6.2)-(6.10) against the derivative of a motion by time, at 30 digits."""
+    t = sp.Symbol("t")
+    moved = {"u": t**2 / 5, "w": t / 3 - t**3, "X_1": 2 * t - t**2, "Y_1": t**3 + 1}
+    angle, at, x = 1 + t / 2 + t**2, {t: sp.Rational(2, 7)}, sp.Rational(3, 5)
+    turn = sp.Matrix([[sp.cos(angle), -sp.sin(angle)], [sp.sin(angle), sp.cos(angle)]])
+    place = turn * sp.Matrix([x + moved["u"], moved["w"]]) + sp.Matrix([moved["X_1"], moved["Y_1"]])
+    rates = {f"{name}_t": e.diff(t) for name, e in moved.items()}
+    known = moved | rates | {"c": sp.cos(angle), "s": sp.sin(angle), "omega": angle.diff(t), "x": x}
+    origin = turn.T * sp.Matrix([rates["X_1_t"], rates["Y_1_t"]])
+    known |= {"v_x": origin[0], "v_y": origin[1]}
+    shown = elastic_derivation_system(ELEMENTS["beam8"])
+    for name, expected in {
+        "position": place,
+        "velocity_in_fixed_axes": place.diff(t),
+        "rotated_velocity": turn.T * place.diff(t),
+        "origin_velocity": origin,
+        "velocity": turn.T * place.diff(t),
+    }.items():
+        matrix = sp.Matrix(shown[name].matrix)
+        given = matrix.subs({symbol: known[symbol.name] for symbol in matrix.free_symbols})
+        assert max(abs(e) for e in (given - expected).subs(at).evalf(30)) < 1e-28, name
+
+
 @pytest.mark.parametrize("name", ELEMENTS)
 def test_the_transformation_turns_both_ends(name):
     """(E.4): components of a displacement u, w of an end, in the link's axes, to those in fixed axes."""

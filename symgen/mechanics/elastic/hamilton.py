@@ -235,15 +235,15 @@ def _energies(link: _Link) -> tuple[HamiltonStep, ...]:
     """Return the steps from the position of a point to the energies: Eqs. (6.1)-(6.15)."""
     return (
         HamiltonStep(
-            "place", ("x", "y"), link.place, "m", "place of a point in the link's axes", "(6.1)-(6.4)"
+            "place", ("x", "y"), link.place, "m", "place of a point in the link's axes", "(6.1)"
         ),
         HamiltonStep(
             "velocity", ("x", "y"), link.velocity, "m/s", "its absolute velocity in the link's axes",
-            "(6.5)-(6.7)",
+            "(6.10)",
         ),
         HamiltonStep(
             "origin_acceleration", ("x", "y"), tuple(ORIGIN.values()), "m/s^2",
-            "derivatives of the components v_x, v_y: not those of the acceleration", "after (6.8)-(6.10)",
+            "derivatives of the components v_x, v_y: not those of the acceleration", "not in the thesis",
         ),
         HamiltonStep(
             "kinetic_energy", ("T",), (link.kinetic,), "J/m", "kinetic energy per length",
@@ -314,8 +314,8 @@ def _variation(link: _Link, weak_form: Mapping[str, sp.Expr]) -> Iterator[Hamilt
     varied = {name: sp.diff(energy, symbol) for name, symbol in _F.items() if not name.endswith("_tt")}
     yield HamiltonStep(
         "variation", tuple(varied), tuple(varied.values()), _PER,
-        "factor of the variation of each field in dT + dW - dV; gravity, axial force, rotary inertia and "
-        "shear are added", "(7.8), (7.9)",
+        "factor of the variation of each field in dT + dW - dV; gravity, axial force, forces along the "
+        "link, rotary inertia and shear are added", "(7.8), (7.9)",
     )  # fmt: skip
     yield HamiltonStep(
         "weak_form", tuple(weak_form), tuple(weak_form.values()), _PER,
@@ -334,7 +334,7 @@ def _collected(terms: Sequence[Term]) -> Iterator[HamiltonStep]:
             "what stands with rates: -2 omega [AD] per length, by the fields",
             "(7.25)",
         ),
-        ("stiffness_terms", 0, "what stands with the fields", "(7.23)"),
+        ("stiffness_terms", 0, "what stands with the fields", "(7.26)"),
     ):
         of_order = [t for t in terms if t.trial and t.order == order]
         trials = tuple(dict.fromkeys(t.trial for t in of_order))

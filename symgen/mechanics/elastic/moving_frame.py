@@ -6,12 +6,31 @@ from functools import lru_cache
 
 import sympy as sp
 
-from symgen.mechanics.elastic.hamilton import AX, AY, N0, OMEGA, OMEGA_RATE
+from symgen.mechanics.elastic.hamilton import (
+    AX,
+    AY,
+    FIELDS,
+    N0,
+    OMEGA,
+    OMEGA_RATE,
+    HamiltonStep,
+    derive,
+)
 from symgen.mechanics.elastic.turning_axes import COSINE, SINE
 from symgen.symbolic.names import Names
-from symgen.symbolic.quantity import Quantity
+from symgen.symbolic.quantity import Quantity, quantity
 
 Vector = tuple[sp.Expr, ...]  # two components
+
+#: The first point of a link in fixed axes, and its velocity.
+POINT = (
+    quantity("X_1", "m", "first point of the link, X of fixed axes"),
+    quantity("Y_1", "m", "first point of the link, Y of fixed axes"),
+)
+POINT_RATES = (
+    quantity("X_1_t", "m/s", "rate of X_1"),
+    quantity("Y_1_t", "m/s", "rate of Y_1"),
+)
 
 
 def local(vector: Vector, cosine: sp.Expr, sine: sp.Expr) -> Vector:
@@ -72,3 +91,35 @@ def _rates_of_direction() -> tuple[sp.Expr, sp.Expr]:
     known = {theta.diff(t, 2): OMEGA_RATE.symbol, theta.diff(t): OMEGA.symbol, r.diff(t): rate, r: length}
     omega = sp.solve(first.subs(known) - v_n, OMEGA.symbol)[0]
     return omega, sp.solve(second.subs(known) - a_n, OMEGA_RATE.symbol)[0]
+
+
+def from_fixed_axes() -> tuple[HamiltonStep, ...]:
+    """Return the steps from the place of a point to its velocity in axes of the link: Eqs. (6.2)-(6.9)."""
+    c, s = COSINE.symbol, SINE.symbol
+    place = next(step.expressions for step in derive().steps if step.name == "place")
+    turned = local(place, c, -s)
+    position = tuple(
+        sp.Add(q.symbol, *sp.Add.make_args(sp.expand(e))) for q, e in zip(POINT, turned, strict=True)
+    )
+    rates = {q.symbol: FIELDS[f"{name}_t"].symbol for name, q in FIELDS.items() if name in ("u", "w")}
+    rates |= {q.symbol: r.symbol for q, r in zip(POINT, POINT_RATES, strict=True)}
+    rates |= {c: -OMEGA.symbol * s, s: OMEGA.symbol * c}
+    velocity = tuple(sp.expand(sp.Add(*(e.diff(q) * r for q, r in rates.items()))) for e in position)
+    rotated = (sp.expand(e) for e in local(velocity, c, s))
+    origin = local(tuple(q.symbol for q in POINT_RATES), c, s)
+    simplified = tuple(sp.expand(e.subs(s**2, 1 - c**2)) for e in rotated)
+    return (
+        HamiltonStep("position", ("X", "Y"), position, "m", "position R in fixed axes", "(6.2), (6.3)"),
+        HamiltonStep(
+            "velocity_in_fixed_axes", ("X", "Y"), velocity, "m/s", "velocity in fixed axes, the rate of R",
+            "(6.4)",
+        ),
+        HamiltonStep(
+            "rotated_velocity", ("x", "y"), simplified, "m/s",
+            "the same, rotated into axes of the link, simplified by c^2 + s^2 = 1", "(6.5)-(6.7)",
+        ),
+        HamiltonStep(
+            "origin_velocity", ("v_x", "v_y"), origin, "m/s",
+            "velocity of the first point in axes of the link, x1' and y1'", "(6.8), (6.9)",
+        ),
+    )  # fmt: skip

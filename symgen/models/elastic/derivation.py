@@ -24,6 +24,7 @@ from symgen.mechanics.elastic.hamilton import (
     X,
     derive,
 )
+from symgen.mechanics.elastic.moving_frame import POINT, POINT_RATES, from_fixed_axes
 from symgen.mechanics.elastic.turning_axes import COSINE, SINE, local_equation, transformation
 from symgen.models.elastic.element import SHOWN
 from symgen.models.elastic.fixed_axes import LOAD, TURNED
@@ -41,6 +42,7 @@ def elastic_derivation_system(element: Element | None = None) -> System:
 
     With an element, integrals of its shape functions and the transformation to fixed axes follow.
     """
+    steps = derive().steps if element is None else (*derive().steps, *from_fixed_axes())
     matrices = tuple(
         NamedMatrix(
             step.name,
@@ -51,13 +53,16 @@ def elastic_derivation_system(element: Element | None = None) -> System:
             step.columns,
             source=NO_SOURCE if step.source.startswith("not in") else f"thesis {step.source}",
         )
-        for step in derive().steps
+        for step in steps
     )
     of_element, groups, definitions = list[NamedMatrix](), list[Group](), list[Definition]()
     if element is not None:
         of_element += _of_element(element)
         groups.append(
             Group("element", "length, direction and mass of the link", (LENGTH, COSINE, SINE, _MASS))
+        )
+        groups.append(
+            Group("point", "first point of the link in fixed axes, and its velocity", (*POINT, *POINT_RATES))
         )
         if element.name == SHOWN:
             about = ((d, *place) for d, place in zip(element.dofs, element.places(), strict=True))
