@@ -301,8 +301,9 @@ def example(dim: Dimension) -> str:
     return kind[1] if kind else f'"1 {dim.unit}"'
 
 
-#: Units of angles, quantities of the other units, and examples of them.
+#: Units in which a scene may show angles.
 _ANGLES = ("rad", "deg", "rev")
+#: Dimension of each quantity whose unit a scene names.
 _DIMENSIONS = {
     "length": LENGTH,
     "force": FORCE,
@@ -310,6 +311,7 @@ _DIMENSIONS = {
     "angle": NUMBER,
     "stress": PRESSURE,
 }
+#: Example of a unit of each quantity, for messages.
 _SUCH_AS = {"length": "mm", "force": "kN", "torque": "N*m", "stress": "MPa"}
 
 

@@ -124,13 +124,13 @@ def _assembly(model: RodsModel) -> list[NamedMatrix]:
 
 
 def _direction(x: sp.Expr, y: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
-    """Return a vector in the plane, with the size 1 along an axis."""
+    """Return a vector in the plane; along an axis, the unit vector."""
     size = abs(x + y) if ZERO in (x, y) and (x + y).is_Rational else ONE
     return x / size, y / size
 
 
 def _angle(x: sp.Expr, y: sp.Expr) -> sp.Expr:
-    """Return the angle of a vector; off the axes SymPy would look for its quadrant, which takes longest."""
+    """Return the angle of a vector [rad]; it is evaluated only along the axes: SymPy takes long."""
     return sp.atan2(y, x, evaluate=ZERO in (x, y))
 
 
