@@ -30,6 +30,11 @@ def flags(optimisation):
 SHARED = "symgen._cython"
 CORE = Path("symgen/runtime/core")
 
+# What Cython writes in C, and how much it is optimised: it holds no loops, and full optimisation takes
+# several times as long. Calls of models from Python are checks of their arguments.
+WRITTEN = "build/cython"
+LIGHTLY = {f"{WRITTEN}/symgen/": 1, f"{WRITTEN}/generated/": "g"}
+
 extensions = [
     Extension(SHARED, []),
     Extension(
@@ -45,7 +50,6 @@ extensions = [
             [f"symgen/runtime/{name}.pyx"],
             include_dirs=["symgen/runtime"],
             depends=["symgen/runtime/_core.pxd", *(str(path) for path in sorted(CORE.glob("*.h")))],
-            extra_compile_args=flags(1),
         )
         for name in (
             "_loop",
@@ -86,12 +90,25 @@ class BuildExt(build_ext):
         if self.inplace:
             self.build_lib = self.KEPT
 
+    def build_extensions(self):
+        """Compile what Cython writes with less optimisation than the kernels."""
+        compile_source = self.compiler._compile
+
+        def compile_lightly(target, source, suffix, arguments, options, definitions):
+            for folder, optimisation in LIGHTLY.items():
+                if source.startswith(folder):
+                    options = [*options, *flags(optimisation)]
+            compile_source(target, source, suffix, arguments, options, definitions)
+
+        self.compiler._compile = compile_lightly
+        super().build_extensions()
+
     def build_extension(self, ext):
         """Compile an extension, unless it is there already."""
         if self.build_lib != self.KEPT:
             super().build_extension(ext)
             return
-        digest = sha256(repr((self.compiler.compiler_so, ext.extra_compile_args)).encode())
+        digest = sha256(repr((self.compiler.compiler_so, ext.extra_compile_args, LIGHTLY)).encode())
         for path in (*ext.sources, *ext.depends):
             digest.update(Path(path).read_bytes())
         binary = Path(self.get_ext_fullpath(ext.name))
@@ -123,7 +140,7 @@ setup(
     cmdclass={"build_ext": BuildExt, "editable_wheel": EditableWheel},
     ext_modules=cythonize(
         extensions,
-        build_dir="build/cython",
+        build_dir=WRITTEN,
         language_level=3,
         shared_utility_qualified_name=SHARED,
     ),
