@@ -61,12 +61,6 @@ def linkage_sources(bodies: Iterable[str]) -> Sources:
     return tuple((name, text + parallel * (name == "constraints")) for name, text in LINKAGE)
 
 
-#: Each of (38a)-(42a), (39)-(43) follows from the rows that cite it, and from those that it contains.
-_ACCELERATIONS = "wx-wy (41a); wz (39a); vx (42a); vy (38a); vz (40a), corrected as this row of the rates"
-_CLOSURE_ROWS = (
-    "wx (37a), (42); wy (37c), (42); wz (37e), (40); vx (37b), (43); vy (37d), (39); "
-    "vz (37f), in the place of (41), which contradicts it"
-)
 LOOP: Sources = (
     ("rows", "Rahman, table 1"),
     ("closure_defect", "Rahman (5), (6), (18), (19)"),
@@ -93,8 +87,8 @@ LOOP: Sources = (
     ),
     ("closure_jacobian", "Rahman (12)-(17), as screws"),
     ("screws", "Rahman (12)-(17), as screws"),
-    ("closure_matrix", f"Rahman (37), (38), corrected, axes of eta: A; {_CLOSURE_ROWS}; {_ACCELERATIONS}"),
-    ("closure_rhs", f"Rahman (37), (38), corrected, row vz: V; {_CLOSURE_ROWS}"),
+    ("closure_matrix", "Rahman (38), corrected, axes of eta, alpha3 varies: A"),
+    ("closure_rhs", "Rahman (38), corrected, row vz: V"),
     ("screw_rates", "Rahman, section 2.8, in the first frame"),
     ("screw_drift", "Rahman, section 2.8, in the first frame"),
     (
@@ -103,10 +97,6 @@ LOOP: Sources = (
     ),
     ("*_frame", "Rahman (1)-(4): the product up to the link"),
     ("*_motion", "Rahman, section 2.7, by the shorter path"),
-    ("crank_binor", "Rahman (46), corrected: g1 = -a1/2"),
-    ("rod_binor", "Rahman (47), corrected: g2 = -a2/2"),
-    ("slider_binor", "Rahman (48)"),
-    ("*_binor", "Rahman (46)-(48), corrected: centres of mass"),
     ("*momentum", "Rahman, section 2.8, step 2, by the shorter path"),
     ("*inertia_wrench", "Rahman, section 2.8, step 4, by the centre of mass"),
     ("joint_*_wrench", "Rahman (69a)-(69q), corrected: signs of f1, f3"),
@@ -118,7 +108,26 @@ LOOP: Sources = (
 )
 #: Of velocities and momenta by both paths, link by link.
 PATHS: Sources = (
-    ("closure_acceleration_rhs", f"Rahman, section 2.8, corrected: second dots; {_ACCELERATIONS}"),
+    (
+        "closure_of_velocities",
+        "Rahman (37), corrected: axes of eta, alpha3 varies; wx (37a); vx (37b); wy (37c); vy (37d); "
+        "wz (37e); vz (37f)",
+    ),
+    ("closure_acceleration_rhs", "Rahman, section 2.8, corrected: second dots"),
+    (
+        "joint_rates",
+        "Rahman (39)-(43), corrected: axes of eta, alpha3 varies; theta2 (39); theta3 (40); eta2 (41); "
+        "eta3 (42); S4 (43)",
+    ),
+    (
+        "joint_accelerations",
+        "Rahman (38a)-(42a), corrected: second dots, axes of eta, alpha3 varies; theta2 (38a); theta3 (39a); "
+        "eta2 (40a); eta3 (41a); S4 (42a)",
+    ),
+    ("crank_binor", "Rahman (46), corrected: g1 = -a1/2"),
+    ("rod_binor", "Rahman (47), corrected: g2 = -a2/2"),
+    ("slider_binor", "Rahman (48)"),
+    ("*_binor", "Rahman (46)-(48), corrected: centres of mass"),
     ("joint_1_velocity", "Rahman (29)"),
     ("joint_2_velocity", "Rahman (30), corrected: axis of eta"),
     ("joint_3_velocity", "Rahman (31), corrected: axis of eta; its negative is (31a)"),
@@ -129,28 +138,31 @@ PATHS: Sources = (
     ("*_motion_in_*", "as Rahman (34), (44), corrected: axes of eta"),
     ("crank_motion_forward", "Rahman (33), (33a)"),
     ("rod_motion_forward", "Rahman (35), (35a), corrected: axes of eta"),
-    ("slider_motion_forward", "Rahman (45), (45a), corrected: axes of eta"),
+    ("slider_motion_forward", "Rahman (45), (45a), corrected: axes of eta, alpha3 varies"),
     ("*_motion_forward", "as Rahman (33), (35), (45), corrected: axes of eta"),
     ("crank_*_backward", "not in the source"),
-    ("rod_motion_backward", "Rahman (36), (36a), corrected: axes of eta"),
+    ("rod_motion_backward", "Rahman (36), (36a), corrected: axes of eta, alpha3 varies"),
     ("slider_motion_backward", "Rahman (32a), (32b)"),
     ("*_motion_backward", "as Rahman (32a), (36), corrected: axes of eta"),
-    ("crank_momentum_forward", "Rahman (49), (49a)"),
-    ("rod_momentum_forward", "Rahman (50), (50a), corrected: axes of eta"),
-    ("slider_momentum_forward", "Rahman (51), (51a), corrected: axes of eta"),
+    ("crank_momentum_forward", "Rahman (49), (49a), corrected: g1 = -a1/2"),
+    ("rod_momentum_forward", "Rahman (50), (50a), corrected: axes of eta, g2 = -a2/2"),
+    ("slider_momentum_forward", "Rahman (51), (51a), corrected: axes of eta, alpha3 varies"),
     ("*_momentum_forward", "as Rahman (49)-(51), corrected: axes of eta"),
-    ("rod_momentum_backward", "Rahman (52), (52a), corrected: axes of eta"),
+    ("rod_momentum_backward", "Rahman (52), (52a), corrected: axes of eta, alpha3 varies, g2 = -a2/2"),
     ("slider_momentum_backward", "Rahman (53), (53a)"),
     ("*_momentum_backward", "as Rahman (52), (53), corrected: axes of eta"),
-    ("crank_momentum_rate_forward", "Rahman (54), corrected: second dots"),
-    ("rod_momentum_rate_forward", "Rahman (55), corrected: second dots, axes of eta"),
+    ("crank_momentum_rate_forward", "Rahman (54), corrected: second dots, g1 = -a1/2"),
+    ("rod_momentum_rate_forward", "Rahman (55), corrected: second dots, axes of eta, g2 = -a2/2"),
     (
         "slider_momentum_rate_forward",
-        "Rahman (56), corrected: second dots, axes of eta; px (56a); hx (56b); py (56c); hy (56d); "
-        "pz (56e); hz (56f)",
+        "Rahman (56), corrected: second dots, axes of eta, alpha3 varies; px (56a); hx (56b); py (56c); "
+        "hy (56d); pz (56e); hz (56f)",
     ),
     ("*_momentum_rate_forward", "as Rahman (54)-(56), corrected: second dots, axes of eta"),
-    ("rod_momentum_rate_backward", "Rahman (57), corrected: second dots, axes of eta"),
+    (
+        "rod_momentum_rate_backward",
+        "Rahman (57), corrected: second dots, axes of eta, alpha3 varies, g2 = -a2/2",
+    ),
     ("slider_momentum_rate_backward", "Rahman (58), corrected: second dots"),
     ("*_momentum_rate_backward", "as Rahman (57), (58), corrected: second dots, axes of eta"),
 )
@@ -177,8 +189,8 @@ EQUILIBRIUM: Sources = (
     ),
     (
         "slider_equilibrium",
-        "Rahman (64), corrected: -f3; F4 in it is -F4 here; fx (64a); mx (64b); fy (64c); my (64d); "
-        "fz (64e); mz (64f)",
+        "Rahman (64), corrected: -f3, alpha3 varies; F4 in it is -F4 here; fx (64a); mx (64b); fy (64c); "
+        "my (64d); fz (64e); mz (64f)",
     ),
     (
         "joint_components",
@@ -192,7 +204,7 @@ EQUILIBRIUM: Sources = (
 ROWS = {
     frozenset({"theta", "S", "a"}): "Rahman (1)",
     frozenset({"theta", "eta", "a"}): "Rahman (2)",
-    frozenset({"theta", "eta", "alpha"}): "Rahman (3)",
+    frozenset({"theta", "eta", "alpha"}): "Rahman (3), corrected: alpha3 varies",
     frozenset({"S", "alpha", "a"}): "Rahman (4)",
 }
 

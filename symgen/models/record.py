@@ -228,9 +228,9 @@ def of_loop(loop: Loop, system: System) -> Iterator[Step]:
 
 def _by_both_paths(loop: Loop) -> Iterator[Step]:
     """Yield closure of accelerations, velocities and momenta of the links by the two paths."""
-    from symgen.models.loop.momenta import acceleration_system, path_system
+    from symgen.models.loop.momenta import closure_system, path_system
 
-    system = acceleration_system(loop)
+    system = closure_system(loop)
     yield Step(
         system.title,
         "The rate of the closure of velocities has the same matrix; its right side is the difference of both "

@@ -10,6 +10,7 @@ from shared.golden import reference
 from shared.jets import Jet, Real
 
 import symgen
+from symgen.pipeline.subject import Subject
 
 FOUND = ("theta2", "eta2", "theta3", "eta3", "alpha3", "S4")
 GIVEN = ("theta1", "s1")
@@ -87,6 +88,28 @@ def test_checked_rates_solve_it(functions):
             left, right = functions["closure_matrix"](values) @ rates, functions["closure_rhs"](values)
             size = max(SIZE, *np.abs(right.ravel()))
             assert np.max(np.abs(left - right.ravel())) < 1e-13 * size, (scene["name"], at["theta1_deg"])
+
+
+@pytest.mark.parametrize(
+    ("name", "part", "word"),
+    [("joint_rates", "vel", "_rate"), ("joint_accelerations", "acc", "_acceleration")],
+)
+def test_checked_rates_and_accelerations_are_the_solved_ones(name, part, word):
+    """(39)-(43) and (38a)-(42a), corrected: each by the checked values of those before it."""
+    (chosen,) = Subject("slider_crank", {}).found(name)
+    (m,), endings = chosen.matrices, {"pos": "", "vel": "_rate", "acc": "_acceleration"}
+    letters = sorted(m.matrix.free_symbols, key=str)
+    solved = sp.lambdify(letters, [*m.matrix], "numpy")
+    for scene in NUMBERS["scenes"]:
+        for at in scene["positions"]:
+            values = {"a1": float(A1), "a2": float(A2), "theta1_acceleration": 0.0}
+            values["theta1_rate"] = 50 * 2 * np.pi / 60
+            for short, variable in (SHORT | {"S1": "s1"}).items():
+                size = LENGTHS.get(variable, 1)
+                values |= {f"{variable}{x}": float(at["kin"][short][k]) * size for k, x in endings.items()}
+            found = solved(*(values[str(s)] for s in letters))
+            expected = [values[f"{variable}{word}"] for variable in m.rows]
+            assert found == pytest.approx(expected, rel=1e-11, abs=1e-11), (scene["name"], at["theta1_deg"])
 
 
 def test_random_states_against_the_screws(functions):

@@ -25,12 +25,12 @@ def test_motions_alone_generate_no_dynamics():
     system = loop_system(slider_crank(outputs=asked))
     assert set(kernels(system)) == {"inputs", "position", "motion", "rows", "outputs"}
     assert kernels(system)["outputs"] == asked
-    assert "inverse_efforts" not in system and "rod_binor" not in system
+    assert "inverse_efforts" not in system and "rod_momentum" not in system
 
 
 def test_energies_need_masses_but_no_forces():
     system = loop_system(slider_crank(outputs=["kinetic_energy", "rod.centre"]))
-    assert "inverse" not in kernels(system) and "rod_binor" in system
+    assert "inverse" not in kernels(system) and "rod_momentum" in system
 
 
 def test_forces_in_ground_axes_accelerate_the_rod():
@@ -140,7 +140,7 @@ def test_steps_of_the_derivation_can_be_inspected():
     for name in ("row_1_transform", "closure_defect", "screws", "joint_3_wrench"):
         assert name in system
     for link in ("crank", "rod", "slider"):
-        for step in ("frame", "motion", "motion_rate", "binor", "momentum", "inertia_wrench"):
+        for step in ("frame", "motion", "motion_rate", "momentum", "inertia_wrench"):
             assert system[f"{link}_{step}"].matrix.rows in (3, 6)
 
 

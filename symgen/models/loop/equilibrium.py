@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, pairwise
 
 from symgen.joints import JOINTS
 from symgen.mechanics.loop.dual_euler import balance, rate_in_space
+from symgen.mechanics.loop.dual_paths import NOTHING
 from symgen.mechanics.loop.dual_rows import row_transform
 from symgen.mechanics.sources import EQUILIBRIUM
 from symgen.models.loop.derivation import REFERENCE, LoopDerivation, named
-from symgen.models.loop.solved_wrenches import is_slider_crank, solved_wrenches
+from symgen.models.loop.solved import is_slider_crank, solved_wrenches
 from symgen.scene.loop.loop import Loop
 from symgen.symbolic.dual import DualVector
 from symgen.symbolic.quantity import Quantity, quantity
@@ -51,9 +52,9 @@ class _Letters:
 
 def equilibrium_system(loop: Loop) -> System:
     """Return dual Euler equations of the links, and their equilibrium, which the joint wrenches meet."""
-    model, balls = LoopDerivation(loop), _balls(loop)
+    model, balls = LoopDerivation(loop), unloaded_balls(loop)
     letters = _letters(model, balls)
-    equilibrium = _equilibrium(model, letters)
+    equilibrium = _equilibrium(model, letters, balls)
     solved = []
     if is_slider_crank(loop.rows, balls):
         solved = [_joint_components(loop, letters, equilibrium)]
@@ -127,13 +128,16 @@ def _joint_wrenches(letters: _Letters) -> Iterator[NamedMatrix]:
         )
 
 
-def _equilibrium(model: LoopDerivation, letters: _Letters) -> list[NamedMatrix]:
-    """Return the balance of wrenches on each link."""
-    joints, inertia = letters.joints, letters.inertia
+def _equilibrium(model: LoopDerivation, letters: _Letters, balls: Sequence[bool]) -> list[NamedMatrix]:
+    """Return the balance of wrenches on each link, without the moments that ball joints do not transmit."""
+    joints = [
+        DualVector(_dual(joint).real, NOTHING.dual) if ball else _dual(joint)
+        for joint, ball in zip(letters.joints, balls, strict=True)
+    ]
     return [
         named(
             f"{link}_equilibrium",
-            balance(row_transform(model.rows[k]), *map(_dual, (joints[k], joints[k + 1], inertia[k]))).column,
+            balance(row_transform(model.rows[k]), joints[k], joints[k + 1], _dual(letters.inertia[k])).column,
             "N, N*m",
             f"wrenches on {link} in its frame about its origin, less that of inertia; zero",
             _ROWS,
@@ -153,7 +157,7 @@ def _joint_components(loop: Loop, letters: _Letters, equilibrium: list[NamedMatr
     return named("joint_components", list(solved.values()), "N, N*m", about, tuple(solved))
 
 
-def _balls(loop: Loop) -> list[bool]:
+def unloaded_balls(loop: Loop) -> list[bool]:
     """Return which joints are balls without drives, which transmit no moment."""
     driven = {v.row for v in loop.variables if v.effort != 0}
     return [JOINTS[row.joint].is_ball and k not in driven for k, row in enumerate(loop.rows)]

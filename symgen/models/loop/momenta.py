@@ -10,7 +10,8 @@ from symgen.mechanics.loop.dual_euler import Inertia
 from symgen.mechanics.loop.dual_paths import ACCELERATION, NOTHING, Paths
 from symgen.mechanics.sources import PATHS
 from symgen.models.loop.derivation import REFERENCE, LoopDerivation, named
-from symgen.models.loop.equilibrium import free_name, taken_names
+from symgen.models.loop.equilibrium import free_name, taken_names, unloaded_balls
+from symgen.models.loop.solved import is_slider_crank, solved_motion
 from symgen.scene.loop.loop import Loop
 from symgen.symbolic.dual import DualVector
 from symgen.symbolic.names import Names
@@ -44,6 +45,11 @@ def path_system(loop: Loop, path: str) -> System:
         matrices.append(_matrix(f"{link}_motion_{path}", velocity, "rad/s, m/s", f"dual velocity {here}"))
         if loop.body(k - 1) is not None:
             binor = names.binor(k, model.inertia(k))
+            if path == "forward":
+                about = f"inertia binor of {link}, in its frame about its origin: momentum by dual velocity"
+                matrices.append(
+                    named(f"{link}_binor", binor, "kg, kg*m, kg*m^2", about, _MOMENTUM, _VELOCITY)
+                )
             matrices += [
                 named(
                     f"{link}_momentum{word}_{path}",
@@ -60,26 +66,67 @@ def path_system(loop: Loop, path: str) -> System:
     return _system(model, path, f"Velocities and momenta by the {path} path", matrices, names)
 
 
-def acceleration_system(loop: Loop) -> System:
-    """Return the right side of A q'' = V, the rate of A q' = V in the frame where both paths meet."""
+def closure_system(loop: Loop) -> System:
+    """Return the equality of velocities by both paths where they meet, and that of accelerations, A q'' = V.
+
+    Of a slider-crank also its rates and accelerations one after another.
+    """
     model = LoopDerivation(loop)
     meet = model.paths.meet
     names = _LinkNames(model, meet, "shorter path, dependent variables without accelerations")
     given = [
         sp.S.Zero if v.role == "dependent" else a for v, a in zip(model.variables, model.second, strict=True)
     ]
-    ahead, behind = (
-        Paths(model.rows, model.rates, names, to).accelerations(given, NOTHING, "")[meet]
-        for to in (meet, meet - 1)
-    )
-    right = named(
-        "closure_acceleration_rhs",
-        [names.ordered(e) for e in (behind - ahead).column],
-        "rad/s^2, m/s^2",
-        "V of A q'' = V, closure of accelerations in the frame where both paths meet; A is closure_matrix",
-        _VELOCITY,
-    )
-    return _system(model, "accelerations", "Accelerations of the joint variables", [right], names)
+    ahead, behind = (Paths(model.rows, model.rates, names, to) for to in (meet, meet - 1))
+    velocities = ahead.velocities[meet] - behind.velocities[meet]
+    right = behind.accelerations(given, NOTHING, "")[meet] - ahead.accelerations(given, NOTHING, "")[meet]
+    where = "in the frame where both paths meet"
+    matrices = [
+        named(
+            "closure_of_velocities",
+            [names.ordered(e) for e in velocities.column],
+            "rad/s, m/s",
+            f"dual velocity by the forward path less that by the backward path, {where}; zero",
+            _VELOCITY,
+        ),
+        named(
+            "closure_acceleration_rhs",
+            [names.ordered(e) for e in right.column],
+            "rad/s^2, m/s^2",
+            f"V of A q'' = V, closure of accelerations {where}; A is closure_matrix",
+            _VELOCITY,
+        ),
+    ]
+    if is_slider_crank(loop.rows, unloaded_balls(loop)):
+        matrices += _solved(model, ahead, right, names)
+    return _system(model, "closure", "Rates and accelerations of the joint variables", matrices, names)
+
+
+def _solved(
+    model: LoopDerivation, paths: Paths, right: DualVector, names: _LinkNames
+) -> Iterator[NamedMatrix]:
+    """Yield rates and accelerations of the dependent variables of a slider-crank, solved from A x = V."""
+    screws = model.paths.columns(paths.meeting_screws, len(model.variables))
+    dependent = [j for j, v in enumerate(model.variables) if v.role == "dependent"]
+    matrix = {
+        row: {model.variables[j].name: screws[i, j] for j in dependent} for i, row in enumerate(_VELOCITY)
+    }
+    given = sp.Matrix([0 if j in dependent else rate for j, rate in enumerate(model.rates)])
+    for noun, side, symbols in (
+        ("rate", -screws * given, [v.rate for v in model.variables]),
+        ("acceleration", right.column, [v.acceleration for v in model.variables]),
+    ):
+        unknowns = {model.variables[j].name: symbols[j] for j in dependent}
+        solved = solved_motion(
+            model.loop.rows,
+            matrix,
+            dict(zip(_VELOCITY, side, strict=True)),
+            {name: x.symbol for name, x in unknowns.items()},
+            names.ordered,
+        )
+        about = f"{noun}s of the dependent variables one after another, each by those before it"
+        units = ", ".join(unknowns[name].unit for name in solved)
+        yield named(f"joint_{noun}s", list(solved.values()), units, about, tuple(solved))
 
 
 def _system(
@@ -200,9 +247,15 @@ class _LinkNames(Names):
 
 
 def _grouped(e: sp.Expr, symbols: Collection[sp.Symbol], within: Callable[[sp.Expr], sp.Expr]) -> sp.Expr:
-    """Return an expanded sum with its terms put together by their products of some symbols."""
+    """Return an expanded sum with its terms put together by their products of some symbols.
+
+    Products with the same factor stand in one bracket.
+    """
     groups: dict[sp.Expr, list[sp.Expr]] = {}
     for term in sp.Add.make_args(e):
         factor, product = term.as_independent(*symbols, as_Add=False)
         groups.setdefault(product, []).append(factor)
-    return sp.Add(*(product * within(sp.Add(*factors)) for product, factors in groups.items()))
+    merged: dict[sp.Expr, list[sp.Expr]] = {}
+    for product, factors in groups.items():
+        merged.setdefault(within(sp.Add(*factors)), []).append(product)
+    return sp.Add(*(sp.Add(*products) * factor for factor, products in merged.items()))

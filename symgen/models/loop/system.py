@@ -244,7 +244,7 @@ def _steps(model: LoopDerivation, mass: bool) -> list[NamedMatrix]:
             f"{v.name}_operator",
             model.paths.operator(j).beside,
             "1, m",
-            f"H of dB/d{v.name} = H B, real part | dual part: the operator of its screw",
+            f"H of dB/d{v.name} = H B, {_product(v.row)}real part | dual part: the operator of its screw",
             "xyz",
             DUAL,
         )
@@ -276,14 +276,6 @@ def _steps(model: LoopDerivation, mass: bool) -> list[NamedMatrix]:
         if mass:
             body = model.bodies[k - 1]
             steps += [
-                named(
-                    f"{link}_binor",
-                    model.inertia(k).binor,
-                    "kg, kg*m, kg*m^2",
-                    f"inertia binor {here}: momentum by dual velocity",
-                    _MOMENTUM,
-                    _SCREW,
-                ),
                 _screw(
                     f"{link}_momentum",
                     body.momentum,
@@ -311,6 +303,12 @@ def _steps(model: LoopDerivation, mass: bool) -> list[NamedMatrix]:
             for k, wrench in enumerate(model.joints[0], 1)
         ]
     return steps
+
+
+def _product(row: int) -> str:
+    """Return H as the product of the transforms before its row, from 0, and the operator Q of the row."""
+    before = " ".join(f"T_{i}" for i in range(1, row + 1))
+    return f"H = ({before}) Q ({before})^T, " if before else "H = Q, "
 
 
 def _step_of_closure(model: LoopDerivation) -> list[NamedMatrix]:
