@@ -218,7 +218,8 @@ def test_given_values_are_exact(right):
     rows = "η̇₃⋅sin(θ₃) -η̇₃⋅cos(θ₃) -θ̇₃ -Ṡ₄⋅sin(θ₃) Ṡ₄⋅cos(θ₃) 0"
     assert motion == normalize("NFD", rows).split()
     for number, form in (("52", "unicode"), ("57", "c"), ("57", "latex")):
-        text = shown("slider_crank", number, *given, "--format", form)
+        text = " ".join(shown("slider_crank", number, *given, "--format", form).split())
+        text = re.sub(r"alpha3( %)? varies", "", text)
         assert not re.search(r"alpha_?[{]?3|α₃|\be-1\d", text)
     text = shown("slider_crank", "rod_motion_backward", "--format", "numeric", *given)
     assert "vz   0.0000000000e+00" in text

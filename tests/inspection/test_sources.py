@@ -83,7 +83,7 @@ def test_every_matrix_states_its_source(name):
         ("four_bar", "momentum_rows.O_momentum", "Attia (15), the masses at a joint are those of both rods"),
         ("slider_crank", "row_1_transform", "Rahman (1)"),
         ("slider_crank", "row_2_transform", "Rahman (2)"),
-        ("slider_crank", "row_3_transform", "Rahman (3)"),
+        ("slider_crank", "row_3_transform", "Rahman (3), corrected: alpha3 varies"),
         ("slider_crank", "row_4_transform", "Rahman (4)"),
         ("slider_crank", "rod_binor", "Rahman (47), corrected: g2 = -a2/2"),
         ("rssr", "theta1_operator", "Rahman (17)"),
