@@ -167,8 +167,9 @@ def closing_motion(tangents: Tangents, by: Sequence[str]) -> Array:
         raise ModelError(f"derivatives by parameters are not available with {d.labels[row]}")
     tangents.check_kept(by, slopes.constraints)
     dq = -tangents.bound @ tangents.direct(scaled, by)
+    # Beside the motion of the state, which may be that of the ground: the constraints' rates vanish for both.
     for motion in tangents.motions.T if tangents.redundant else ():
-        tangents.check_kept(by, tangents.rates_along(motion), dq)
+        tangents.check_kept(by, tangents.rates_along(tangents.state.u + motion), dq)
     return np.asarray(dq)
 
 

@@ -11,7 +11,7 @@ import pytest
 from shared.commands import call
 from shared.controlled import CART_POLE, cart_pole
 from shared.in_numpy import build
-from shared.linkages import GRAVITY, G, at, circles, ground
+from shared.linkages import GRAVITY, G, at, circles, ground, rod
 from shared.slopes import slopes
 
 import symgen
@@ -222,6 +222,37 @@ def test_parameters_that_keep_constraints_redundant_have_derivatives():
     assert found.derivatives == pytest.approx(np.array(expected, dtype=float), abs=1e-12)
     later = model.sensitivity(outputs[:1], ["gx"], coordinates=["AB.angle"], t_eval=[0.1])
     assert later.derivatives[0] == pytest.approx(np.array([[1.0], [0.0]]), abs=1e-11)
+
+
+def test_redundant_constraints_that_the_ground_moves_have_derivatives():
+    """A trammel with a crank to the middle of its rod: the ground takes its guides along, in a straight line."""
+    moved = {"motion": ["a*sin(w*t)", "a*sin(w*t)/2"]}
+    points = {"O": ground(0, 0, **moved), "X": ground(3, 0, **moved), "Y": ground(0, 3, **moved)}
+    points |= {"A": at(1.2, 0), "B": at(0, 1.6), "M": {"on": "rod", "fraction": "1/2"}}
+    links = {"along": {"points": ["O", "X"]}, "across": {"points": ["O", "Y"]}}
+    links |= {"rod": rod("A", "B"), "crank": rod("O", "M")}
+
+    def trammel(a):
+        return build(
+            symgen.Scene(
+                parameters={"a": {"value": f"{a!r} m", "tunable": True}, "w": "2 rad/s"},
+                points=points,
+                links=links,
+                guides=[{"points": ["A"], "along": "along"}, {"points": ["B"], "along": "across"}],
+                start={"rates": {"rod": "0 rad/s"}},
+                gravity=GRAVITY,
+            )
+        )
+
+    def end(a):
+        return trammel(a).simulate(0.3, samples=2, rtol=1e-11).variable("A.position").values[-1, 0]
+
+    model = trammel(0.3)
+    assert model.redundant
+    outputs = ["B.position.x", "A.position.y", "A.position.x"]
+    found = model.sensitivity(outputs, ["a"], coordinates=["rod.angle"], t_end=0.3, rtol=1e-11)
+    expected = [np.sin(0.6), np.sin(0.6) / 2, (end(0.301) - end(0.299)) / 0.002]
+    assert found.derivatives[-1, :, 0] == pytest.approx(expected, rel=1e-6)
 
 
 def test_redundant_constraints_with_a_gap_are_named():
