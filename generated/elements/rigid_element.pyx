@@ -53,7 +53,7 @@ cdef double *_write(str name, double[::1] array, Py_ssize_t size) except NULL:
 def nodal_matrix(t=None, q=None, u=None, p=None, work=None, out=None):
     """[d] of the forces and moments (F) at both nodes, as they act at the centre of mass.
 
-    19 operations (11 add, 8 mul, 5 neg).
+    19 operations (11 add, 8 mul, 6 neg).
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def point_matrix(t=None, q=None, u=None, p=None, work=None, out=None):
 def inertia(t=None, q=None, u=None, p=None, work=None, out=None):
     """mass times acceleration less gravity, and moment of inertia times angular acceleration.
 
-    25 operations (13 add, 11 mul, 1 div, 1 neg).
+    25 operations (13 add, 11 mul, 1 div, 2 neg).
 
     Parameters
     ----------

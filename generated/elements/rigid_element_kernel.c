@@ -9,23 +9,31 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char rigid_element_equations[65] = "47db997332eb48ed39ef0b50d846338c2bb5f52311aec50ea8607933a7390b7d";
+const char rigid_element_equations[65] = "73eabd4b5309f34c620377928110a74114d5107c994193ea857f483add0ee3b0";
 
-/* [d] of the forces and moments (F) at both nodes, as they act at the centre of mass: 19 operations (11 add, 8 mul, 5 neg) */
+/* [d] of the forces and moments (F) at both nodes, as they act at the centre of mass: 19 operations (11 add, 8 mul, 6 neg) */
 void rigid_element_nodal_matrix(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)
 {
     (void)t;
     (void)u;
     (void)work;
-    const double c0 = -q[0];
-    const double c1 = c0 + q[2];
-    const double c2 = q[3] - q[1];
-    const double c3 = -q[3];
-    const double c4 = c3 + q[1];
-    const double c5 = c1*p[2];
-    const double c6 = c2*p[1];
-    const double c7 = -c4*p[2];
-    const double c8 = -c1*p[1];
+    const double c1 = -q[0];
+    const double c2 = c1 + q[2];
+    const double c3 = c2*p[2];
+    const double c4 = -q[1];
+    const double c5 = c4 + q[3];
+    const double c6 = c5*p[1];
+    const double R_y = c3 + c6;
+    out[12] = -R_y;
+    const double c0 = q[1] - q[3];
+    const double R_x = c0*p[2] + c2*p[1];
+    out[13] = R_x;
+    const double S_y = c4 + q[3] - c2*p[2] - c5*p[1];
+    out[15] = -S_y;
+    const double c7 = -c0*p[2];
+    const double c8 = -c2*p[1];
+    const double S_x = c1 + c7 + c8 + q[2];
+    out[16] = S_x;
     out[0] = -1.0;
     out[1] = 0.0;
     out[2] = 0.0;
@@ -38,11 +46,7 @@ void rigid_element_nodal_matrix(const double *SYMGEN_RESTRICT t, const double *S
     out[9] = 0.0;
     out[10] = 1.0;
     out[11] = 0.0;
-    out[12] = -(c1*p[2] + c2*p[1]);
-    out[13] = c1*p[1] + c4*p[2];
     out[14] = 1.0;
-    out[15] = c3 + c5 + c6 + q[1];
-    out[16] = c0 + c7 + c8 + q[2];
     out[17] = -1.0;
 }
 
@@ -52,34 +56,38 @@ void rigid_element_point_matrix(const double *SYMGEN_RESTRICT t, const double *S
     (void)t;
     (void)u;
     (void)work;
-    const double c0 = -q[0];
-    const double c1 = c0 + q[2];
-    const double c5 = c1*p[2];
-    const double c2 = q[3] - q[1];
-    const double c6 = c2*p[1];
-    const double c3 = -q[3];
-    const double c4 = c3 + q[1];
-    const double c7 = -c4*p[2];
-    const double c8 = -c1*p[1];
+    const double c1 = -q[0];
+    const double c2 = c1 + q[2];
+    const double c3 = c2*p[2];
+    const double c4 = -q[1];
+    const double c5 = c4 + q[3];
+    const double c6 = c5*p[1];
+    const double c0 = q[1] - q[3];
+    const double c7 = -c0*p[2];
+    const double c8 = -c2*p[1];
     out[0] = 1.0;
     out[1] = 0.0;
     out[2] = 0.0;
     out[3] = 1.0;
-    out[4] = c5 + c6 + q[1] - q[5];
-    out[5] = c0 + c7 + c8 + q[4];
+    out[4] = c3 + c6 + q[1] - q[5];
+    out[5] = c1 + c7 + c8 + q[4];
 }
 
-/* mass times acceleration less gravity, and moment of inertia times angular acceleration: 25 operations (13 add, 11 mul, 1 div, 1 neg) */
+/* mass times acceleration less gravity, and moment of inertia times angular acceleration: 25 operations (13 add, 11 mul, 1 div, 2 neg) */
 void rigid_element_inertia(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)
 {
     (void)t;
     (void)work;
     const double c9 = u[2] - u[0];
+    const double G_ax = u[0] + c9*p[1] + p[2]*(u[1] - u[3]);
     const double c10 = u[3] - u[1];
-    const double c0 = -q[0];
-    const double c1 = c0 + q[2];
-    const double c2 = q[3] - q[1];
-    out[0] = p[0]*(u[0] + c9*p[1] + p[2]*(u[1] - u[3]) - u[4]);
-    out[1] = p[0]*(u[1] + c10*p[1] + c9*p[2] - u[5]);
-    out[2] = p[3]*(c1*c10 - c2*c9)/(c1*c1 + c2*c2);
+    const double G_ay = u[1] + c10*p[1] + c9*p[2];
+    const double c1 = -q[0];
+    const double c2 = c1 + q[2];
+    const double c4 = -q[1];
+    const double c5 = c4 + q[3];
+    const double theta_acceleration = (c10*c2 - c5*c9)/(c2*c2 + c5*c5);
+    out[0] = p[0]*(G_ax - u[4]);
+    out[1] = p[0]*(G_ay - u[5]);
+    out[2] = p[3]*theta_acceleration;
 }

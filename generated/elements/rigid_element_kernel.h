@@ -42,7 +42,7 @@ extern "C" {
 extern const char rigid_element_equations[65];
 
 /* [d] of the forces and moments (F) at both nodes, as they act at the centre of mass
- *   19 operations (11 add, 8 mul, 5 neg)
+ *   19 operations (11 add, 8 mul, 6 neg)
  *   out[0..17]  nodal_matrix (3 x 6), row by row  [1, 1, m; /m per moment]  [d] of the forces and moments (F) at both nodes, as they act at the centre of mass
  */
 void rigid_element_nodal_matrix(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
@@ -54,7 +54,7 @@ void rigid_element_nodal_matrix(const double *SYMGEN_RESTRICT t, const double *S
 void rigid_element_point_matrix(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
 
 /* mass times acceleration less gravity, and moment of inertia times angular acceleration
- *   25 operations (13 add, 11 mul, 1 div, 1 neg)
+ *   25 operations (13 add, 11 mul, 1 div, 2 neg)
  *   out[0..2]  inertia (3 x 1), row by row  [N, N, N*m]  mass times acceleration less gravity, and moment of inertia times angular acceleration
  */
 void rigid_element_inertia(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);

@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char corotational_node_equations[65] = "bd2b11ab76747095bc59512d551d24dbf432df7729cf9d283e5cb8a2e93774d8";
+const char corotational_node_equations[65] = "310c9fbed8bf7d37a0ac9ffc77d736f368f3298756c37e297ddcf774c65da70d";
 
 /* inertia and internal force less gravity: 7 operations (2 add, 5 mul) */
 void corotational_node_residual(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -43,8 +43,8 @@
  *     work[1]  b  [m]  share of the force at the tangent there
  *     work[2]  c  [1]  cosine of the link's direction
  *     work[3]  s  [1]  sine of the link's direction
- *     work[4]  p_x  [N]  force along the link, or factor of its profile, component along it
- *     work[5]  p_y  [N]  the same, component across it
+ *     work[4]  p_x  [N]  applied force, component along the link
+ *     work[5]  p_y  [N]  applied force, component across the link
  */
 #ifndef SYMGEN_COROTATIONAL_NODE_KERNEL_H
 #define SYMGEN_COROTATIONAL_NODE_KERNEL_H

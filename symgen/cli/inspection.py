@@ -91,7 +91,7 @@ def show(
         ),
     ] = "unicode",
     rows: Annotated[
-        str | None, typer.Option(metavar="NAME[,NAME...]", help="Only these rows, by name or number from 0.")
+        str | None, typer.Option(metavar="NAME[,NAME...]", help="Only these rows, by name or number from 1.")
     ] = None,
     columns: Annotated[str | None, typer.Option(metavar="NAME[,NAME...]", help="Only these columns.")] = None,
     by: Annotated[

@@ -237,8 +237,8 @@ PRINTED_ELEMENT: Sources = (
     (
         "shape",
         "thesis (5.3), (5.7), (5.16)-(5.18), (B.8); (5.23), corrected; "
-        "u (5.20), (6.16), (6.19); u (5.2), (5.5), (5.6), (5.8), (5.12): steps to row u; "
-        "u:u1 (6.17), corrected, (C.8); u:u2 (6.18), (C.13); "
+        "u (5.20), (6.16), (6.19); u (5.2), (5.5), (5.6), (5.8), (5.12), (C.7): steps to row u; "
+        "u:u1 (6.17), corrected, (C.8), (C.10); u:u2 (6.18), (C.13); "
         "w (5.19), (6.22), (D.1); w (5.1), (5.4), (5.9), (5.13): steps to row w; "
         "w:w1 (6.23), (C.16); w:theta1 (6.24), (C.17); w:kappa1 (6.25), corrected, (C.18); "
         "w:w2 (6.26), (C.19); w:theta2 (6.27), (C.20); w:kappa2 (6.28), corrected, (C.21); slope (D.2); "
@@ -329,9 +329,9 @@ def of_assembly(constraints: Sequence[str]) -> Sources:
 RIGID_ELEMENT: Sources = (
     (
         "nodal_matrix",
-        "thesis (4.1), (4.10), (4.10a), left side; x (4.7); y (4.8); moment (4.9); "
-        "moment:Fx at i (4.3); moment:Fy at i (4.3); moment:Fx at k (4.4); moment:Fy at k (4.4)",
+        "thesis (4.1), (4.10), (4.10a), left side; x (4.7); y (4.8); moment (4.9)",
     ),
+    ("levers", "thesis (4.3), (4.4), at any centre of mass; R_x (4.3); R_y (4.3); S_x (4.4); S_y (4.4)"),
     ("motion", "thesis (4.2); weight: its MG; its E_T is zero here"),
     ("inertia", "thesis (4.10), (4.10a), right side; x (4.5), (4.7); y (4.5), (4.8); moment (4.6), (4.9)"),
 )
@@ -377,7 +377,7 @@ LIMITS: Sources = (
         "folded_across (3.14), (3.17); "
         "folded_angles (3.13); swing (3.4), (3.11); least (3.8)",
     ),
-    ("coupler_length", "thesis (3.15)"),
+    ("coupler_by_limits", "thesis (3.15)"),
 )
 #: Of systems that have no counterpart in the sources.
 NONE: Sources = (("", ""),)

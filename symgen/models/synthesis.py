@@ -50,7 +50,7 @@ def synthesis_limits_derived() -> System:
         "synthesis_limits_derived",
         "The coupler of a crank-rocker by both limit positions",
         (Group("q", "prescribed and unknown quantities", quantities),),
-        (NamedMatrix("coupler_length", length, "m", about, ("G5",)),),
+        (NamedMatrix("coupler_by_limits", length, "m", about, ("G5",)),),
         (),
         references=(_CHAPTER,),
         sources=LIMITS,

@@ -1,9 +1,10 @@
 """Equations of the sources by number: the matrices, or their rows, that state that they correspond to one.
 
 A source such as ``Rahman (62), corrected: -f1; fx (62a), (69i)-(69k); fy (62c)`` cites equations of the
-whole matrix, and behind semicolons those of rows: a name, a range ``p12-p23`` or a pattern ``guide_*``; or of
-an entry ``w:theta1``. A row may be ``a term of`` an equation. A row called by a number, as ``A.8 E``, is that
-of this equation. Where rows have numbers, ``corrected`` stands next to those that have an erratum.
+whole matrix, and behind semicolons those of rows: names, also of their first words, ranges ``p12-p23`` and
+patterns ``guide_*``, separated by commas; or of an entry ``w:theta1``. Words may stand before the equation,
+as in ``A.4, A.8-A.12 add up to (A.1)``. A row called by a number, as ``A.8 E``, is that of this equation.
+Where rows have numbers, ``corrected`` stands next to those that have an erratum.
 """
 
 from __future__ import annotations
@@ -42,6 +43,11 @@ COMMANDS: dict[str, tuple[tuple[str, str], ...]] = {
         ("symgen synthesise TASK, a file as in docs/papers.md", "thesis (3.1), (3.2), not as printed"),
     )
 }
+#: Equations that symgen does not derive, with the reason.
+NOT_DERIVED = {
+    "thesis (2.1)-(2.17)": "equations of other authors, in a review of the literature",
+    "thesis (7.1)-(7.6)": "Hamilton's principle itself, which holds for any system",
+}
 #: The last equation of each paper, of its chapters and appendices.
 LAST: dict[str, dict[str, int]] = {
     "Attia": {"": 16},
@@ -55,7 +61,7 @@ STORED = Path(__file__).with_name("citations.json")
 _NUMBER = r"\(((?:[A-Z]|\d+)\.)?(\d+)([a-z]?)\)"
 _ASKED = re.compile(rf"(?:(\w+) )?{_NUMBER}")
 _WRITTEN = re.compile(r"(\w+ )?(\()?((?:[A-Za-z]|\d+)\.)?(\d+[a-z]?)(?(2)\))")
-_TERM = re.compile(r" (is a term|are terms) of$")
+_COLUMN = re.compile(r":(.+?) \(")
 _CITED = re.compile(rf"{_NUMBER}(?:-{_NUMBER})?")
 #: How precisely an equation is cited: by a range of lettered ones, of groups, by one of its letters, by a
 #: range of letters, by its own number. One with a letter is cited by its letter alone.
@@ -128,7 +134,7 @@ def _cited(number: Sequence[str], source: str, rows: Sequence[str]) -> _Cited:
             best = max(best, precision)
             if precision or not _CITED.search(text):
                 general.append(text)
-        elif (precision := _precision(number, text)) in (_RANGE, _LETTERS, _ITSELF):
+        elif (precision := _precision(number, at[2])) in (_RANGE, _LETTERS, _ITSELF):
             found += at[0]
             columns += at[1]
             cited.append(text)
@@ -160,21 +166,28 @@ def elsewhere(equation: str) -> str:
             found.append((best, f"{paper}: {continued}"))
     best = max((rank for rank, _ in found), default=0)
     commands = "\n  ".join(command for rank, command in found if rank == best > 0 or rank >= _GROUP)
-    return commands or "No model prints it: docs/papers.md says why, or has the command for its numbers."
+    reasons = (reason for source, reason in NOT_DERIVED.items() if _precision(number, source))
+    return commands or f"symgen does not derive it: {next(reasons)}."
 
 
-def _place(text: str, rows: Sequence[str]) -> tuple[list[str], list[str]] | None:
-    """Return the rows and columns named before the first number of a citation; None where there are none."""
-    named, _, column = _TERM.sub("", text.partition("(")[0].strip()).partition(":")
-    names = [row.partition(" ")[0] for row in rows]
-    first, _, last = named.partition("-")
-    if first in names and (last or first) in names:
-        at = [*range(names.index(first), names.index(last or first) + 1)]
-    elif "*" in named:
-        at = [i for i, name in enumerate(names) if fnmatchcase(name, named)]
-    else:
+def _place(text: str, rows: Sequence[str]) -> tuple[list[str], list[str], str] | None:
+    """Return the rows and columns named at the beginning of a citation, and its rest; None without rows."""
+    at = {row.partition(" ")[0]: i for i, row in reversed([*enumerate(rows)])}
+    at |= {row: i for i, row in enumerate(rows)}
+    name = "|".join(re.escape(x) for x in sorted(at, key=len, reverse=True))
+    place = re.compile(rf"(?:, )?(?:({name})(?:-({name}))?|(\w*\*\w*))(?=[,: ]|$)")
+    found, end = list[int](), 0
+    while named := place.match(text, end):
+        end = named.end()
+        first, last, pattern = named.groups()
+        if pattern:
+            found += [i for i, row in enumerate(rows) if fnmatchcase(row.partition(" ")[0], pattern)]
+        else:
+            found += range(at[first], at[last or first] + 1)
+    if not end:
         return None
-    return [rows[i] for i in at], [column] if column else []
+    column = _COLUMN.match(text, end)
+    return [rows[i] for i in found], [column[1]] if column else [], text[end:]
 
 
 def _part(m: NamedMatrix, cited: _Cited) -> NamedMatrix:

@@ -104,6 +104,17 @@ def pretty(expression: sp.Basic | sp.MatrixBase) -> str:
         pretty_use_unicode(before)
 
 
+def pretty_entries(matrix: sp.MatrixBase) -> list[list[prettyForm]]:
+    """Return the entries as :func:`pretty` shows them, each with its size and baseline in lines."""
+    before = pretty_use_unicode(True)
+    try:
+        printer = _Pretty({"wrap_line": False, "use_unicode": True})
+        forms = {e: printer._print(readable(e)) for e in {*matrix}}
+        return [[forms[e] for e in row] for row in matrix.tolist()]
+    finally:
+        pretty_use_unicode(before)
+
+
 def text(expression: sp.Expr) -> str:
     """Return an expression as text in one line, in the notation of :func:`pretty`."""
     line = str(_Text().doprint(readable(expression)))

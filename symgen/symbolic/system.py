@@ -46,7 +46,7 @@ class NamedMatrix:
             raise DerivationError(f"matrix {self.name}: {len(self.rows)} names for {self.matrix.rows} rows")
 
     def part(self, rows: Sequence[str] = (), columns: Sequence[str] = ()) -> NamedMatrix:
-        """Return some rows and columns, by name or by number from 0; all of them if none is given.
+        """Return some rows and columns, by name or by number from 1; all of them if none is given.
 
         Raises
         ------
@@ -56,8 +56,8 @@ class NamedMatrix:
         m = self.matrix
         i = self._numbers("row", rows, self.rows, m.rows)
         j = self._numbers("column", columns, self.columns, m.cols)
-        row_names = tuple(self.rows[k] for k in i) if self.rows else tuple(map(str, i))
-        column_names = tuple(self.columns[k] for k in j) if self.columns else tuple(map(str, j))
+        row_names = tuple(self.rows[k] for k in i) if self.rows else tuple(str(k + 1) for k in i)
+        column_names = tuple(self.columns[k] for k in j) if self.columns else tuple(str(k + 1) for k in j)
         whole = i == j and self.symmetric
         chosen = list(product(i, j)) if rows or columns else []
         if "; " in self.unit:  # zeros have any unit
@@ -72,10 +72,10 @@ class NamedMatrix:
         for name in selected:
             if name in names:
                 numbers.append(names.index(name))
-            elif name.isdecimal() and int(name) < count:
-                numbers.append(int(name))
+            elif name.isdecimal() and 0 < int(name) <= count:
+                numbers.append(int(name) - 1)
             else:
-                known = nearest(name, names) if names else f"They are numbered from 0 to {count - 1}."
+                known = nearest(name, names) if names else f"They are numbered from 1 to {count}."
                 raise ModelError(f"matrix {self.name} has no {kind} {name!r}. {known}")
         return numbers or list(range(count))
 

@@ -128,10 +128,20 @@ ROWS = [
     ("slider_crank", "(37d)", {"closure_of_velocities": "vy"}),
     ("slider_crank", "(22)", {"closure_step_matrix": "p12, p13, p23", "closure_step_rhs": "p12, p13, p23"}),
     ("slider_crank", "28a", {"inputs": "s1"}),
+    ("element_beam8", "(C.1)", {"end_conditions": "u(0) = q1"}),
+    ("element_beam8", "(C.4)", {"mode_conditions": "phi1(L) = 0"}),
+    (
+        "element_beam8",
+        "(C.15)",
+        {
+            "mode_conditions": "phi2(0) = 1, phi2'(0) = 0, phi2''(0) = 0, phi2(L) = 0, phi2'(L) = 0, "
+            "phi2''(L) = 0"
+        },
+    ),
     ("rod_spatial", "(8b)", {"projected_momentum": "u_hat"}),
     ("vertical_rods", "10a", {"lower_moment": "lower_t1, lower_t2"}),
     ("vertical_rods", "13b", {"upper_moment": "upper_t1, upper_t2", "lower_moment": "lower_t1, lower_t2"}),
-    ("rigid_element", "(4.3)", {"nodal_matrix": "moment"}),
+    ("rigid_element", "(4.3)", {"levers": "R_x, R_y"}),
     ("rigid_element", "(4.6)", {"inertia": "moment"}),
     ("rigid_element", "(4.9)", {"nodal_matrix": "moment", "inertia": "moment"}),
     ("synthesis_limits", "3.5", {"residual": "extended_angles F2 G2"}),
@@ -269,7 +279,7 @@ def test_the_equation_of_a_link_is_that_of_its_axes():
     matrices = found(beam, "7.28")
     assert [m.name for m in matrices] == ["constant_mass", "constant_gyroscopic", "KD", "Q"]
     assert [m.name for m in found(beam, "F.5")] == ["KD", "thesis_local_stiffness"]
-    assert found(beam, "5.8")[0].source.endswith("(5.12): steps to row u")
+    assert found(beam, "5.8")[0].source.endswith("(C.7): steps to row u")
     names = {str(s): s for m in found(beam, "A.3") for s in m.matrix.free_symbols}
     squares = {"A.1": "mu*(v_x + u_t - omega*w)**2/2", "A.2": "mu*(v_y + omega*x + omega*u + w_t)**2/2"}
     for number, printed in squares.items():
@@ -374,10 +384,10 @@ def test_signs_that_only_the_print_of_integrals_lacks():
     beam = Subject("element_beam8", {})
     for number in ("A.10", "A.11"):
         for m in found(beam, number):
-            assert "A.10-A.11 (A.10), (A.11) times -1" in m.source
+            assert "A.10-A.11 are printed with a plus" in m.source
         (m,) = (m for m in found(beam, number) if m.name == "kinetic_terms")
         assert m.matrix[0].as_coeff_Mul()[0] == -1
-    assert all("times -1" not in m.source for n in ("A.9", "A.12") for m in found(beam, n))
+    assert all("plus" not in m.source for n in ("A.9", "A.12") for m in found(beam, n))
 
 
 def test_the_short_form_of_the_balance_of_an_element_is_found():
@@ -403,7 +413,7 @@ def test_corrected_stands_where_the_equation_has_an_erratum():
     assert "corrected" in found(limits, "3.5")[0].source
     assert not any("corrected" in m.source for n in ("3.12", "3.15", "3.17") for m in found(limits, n))
     (m,) = found(beam, "A.1")
-    assert m.source.endswith("A.4 is a term of (A.1); A.8-A.12 are terms of (A.1)")
+    assert m.source.endswith("A.4, A.8-A.12 add up to (A.1)")
 
 
 def test_the_coupler_by_both_limit_positions_is_the_printed_one():
@@ -458,8 +468,20 @@ def test_kinetic_integrals_are_forms_of_the_matrices():
 
 def test_mode_functions_meet_their_conditions():
     """Appendix C: one for the own unknown at its end, zero for the others; with the printed functions."""
-    (m,) = found(Subject("element_beam8", {}), "C.4")
-    assert m.matrix == sp.eye(8) and m.rows[2] == "w' at 0" and m.rows[7] == "w'' at L"
+    steps = Subject("element_beam8", {}).steps
+    conditions, ends = steps["mode_conditions"], steps["end_conditions"]
+    assert len(conditions.rows) == 2 * 2 + 6 * 6
+    for row, value, unit in zip(conditions.rows, conditions.matrix, conditions.unit.split(", "), strict=True):
+        stated = re.fullmatch(r"phi([1-8])('*)\(([0L])\) = ([01])", row)
+        assert stated and value == int(stated[4]), row
+        power = (0, 0, 1, 2)[(int(stated[1]) - 1) % 4] - len(stated[2])
+        assert unit == {-2: "1/m^2", -1: "1/m", 0: "1", 1: "m", 2: "m^2"}[power], row
+    assert [str(x) for x in ends.matrix] == ["u1", "w1", "theta1", "kappa1", "u2", "w2", "theta2", "kappa2"]
+    assert ends.rows == tuple(
+        f"{name}({end}) = q{k + n}"
+        for k, end in ((1, "0"), (5, "L"))
+        for n, name in enumerate(("u", "w", "w'", "w''"))
+    )
     (shape,) = Subject("element_beam8", {}).choose("shape").matrices
     system = Subject("element_beam8", {}).system
     entries, (x, length) = system.expanded("shape"), (sp.Symbol(n, real=True) for n in "xL")

@@ -52,9 +52,9 @@ PRINTED = {
     "H4": "a*theta1_acceleration*cos(theta1) - a*theta1_rate**2*sin(theta1)"
           " - b*theta2_rate**2*sin(theta2) + c*theta3_rate**2*sin(theta3)",
     "H5": "b*cos(theta2)", "H6": "b*sin(theta2)",
-    "A_x": "a*cos(theta1)", "A_y": "a*sin(theta1)", "B_x": "d + c*cos(theta3)", "B_y": "c*sin(theta3)",
-    "G1_x": "a*cos(theta1)/2", "G1_y": "a*sin(theta1)/2", "G2_x": "(a*cos(theta1) + d + c*cos(theta3))/2",
-    "G2_y": "(a*sin(theta1) + c*sin(theta3))/2", "G3_x": "(d + c*cos(theta3) + d)/2", "G3_y": "c*sin(theta3)/2",
+    "A_x": "a*cos(theta1)", "A_y": "a*sin(theta1)", "B_x": "Q_x + c*cos(theta3)", "B_y": "Q_y + c*sin(theta3)",
+    "G1_x": "(M_x + A_x)/2", "G1_y": "(M_y + A_y)/2", "G2_x": "(A_x + B_x)/2", "G2_y": "(A_y + B_y)/2",
+    "G3_x": "(B_x + Q_x)/2", "G3_y": "(B_y + Q_y)/2",
 }  # fmt: skip
 
 
@@ -66,6 +66,9 @@ def test_every_number_is_a_row_of_the_thesis():
         (m,) = found(block, f"4.{number}")
         assert m.rows == (row,) and f"{row} (4.{number})" in m.source
         assert sp.simplify(m.matrix[0] - sp.sympify(text, names)) == 0, row
+    ground = {x: names[x] for x in ("M_x", "M_y", "Q_x", "Q_y")}
+    values = {d.quantity.symbol: d.expression for d in system().definitions}
+    assert [values[x] for x in ground.values()] == [0, 0, names["d"], 0]
     (equation,) = found(block, "(4.17)")
     assert equation.name == "freudenstein" and equation.rows == ("output",)
     for number in ("4.40", "4.41"):
@@ -76,6 +79,9 @@ def test_python_command_and_other_models():
     assert symgen.derive("four_bar_motion")["ratios"] == system()["ratios"]
     text = call("show", "four_bar_motion", "4.28")
     assert "4⋅K₆⋅K₈" in text and "K₁₀" not in text
+    last = call("show", "four_bar_motion", "4.51")
+    letters = [line.split()[0] for line in last[last.index("where") :].splitlines()[1:]]
+    assert "Q_y = 0" in last and letters == ["B_y"] and "(4.45)" in last
     with pytest.raises(ModelError, match=re.escape('thesis: symgen show four_bar_motion "(4.31)"')):
         Subject("rod", {}).found("4.31")
 

@@ -318,17 +318,19 @@ def test_the_element_in_symbols():
     m, moment, ax, ay, gx, gy = sp.symbols("m I ax ay gx gy", real=True)
     assert inertia(m, moment, (ax, ay), alpha, (gx, gy)) == (m * (ax - gx), m * (ay - gy), moment * alpha)
     system = derived("rigid_element")
-    assert {m.name for m in system.matrices} == {"nodal_matrix", "point_matrix", "motion", "inertia"}
+    names = {"nodal_matrix", "point_matrix", "levers", "motion", "inertia"}
+    assert {m.name for m in system.matrices} == names
+    assert [str(x) for x in system["nodal_matrix"].matrix.row(2)] == ["-R_y", "R_x", "1", "-S_y", "S_x", "-1"]
     (levers,) = numbered(Subject("rigid_element", {}), "4.4")
     middle = {"c_along": sp.Rational(1, 2), "c_across": 0}
     names = {str(s): s for s in levers.matrix.free_symbols}
     half = levers.matrix.subs({names[c]: value for c, value in middle.items()})
-    printed = sp.sympify("[-(k_y - i_y)/2, (k_x - i_x)/2]", locals=names)  # Eq. (4.4): -S_y, S_x
+    printed = sp.sympify("[(k_x - i_x)/2, (k_y - i_y)/2]", locals=names)  # Eq. (4.4)
     assert [sp.expand(e) for e in half] == [sp.expand(e) for e in printed]
     (p,) = numbered(Subject("rigid_element", {}), "4.2")
     m, moment, g = (sp.Symbol(x, real=True) for x in ("m", "I_c", "g_y"))
     balance = sp.Matrix([m * p.matrix[0], m * p.matrix[1] + p.matrix[3], moment * p.matrix[2]])  # (4.7)-(4.9)
-    inertial = system["inertia"].matrix.subs(sp.Symbol("g_x", real=True), 0)
+    inertial = system.expanded("inertia").subs(sp.Symbol("g_x", real=True), 0)
     assert g in p.matrix.free_symbols
     assert (balance - inertial).expand() == sp.zeros(3, 1)
 

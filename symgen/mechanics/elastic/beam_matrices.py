@@ -264,17 +264,23 @@ def stiffened(element: Element, start: sp.Rational) -> sp.ImmutableMatrix:
     return _integrated(slopes, slopes, start)
 
 
-def shape_products(element: Element) -> dict[str, tuple[sp.ImmutableMatrix, str, str]]:
-    """Return integrals of products of shape functions by the thesis's letters, with product and equation.
+def shape_products(element: Element) -> dict[str, tuple[sp.ImmutableMatrix, str, str, str]]:
+    """Return integrals of products of shape functions by the thesis's letters: product, rows, and equation.
 
     For a constant mass per length m without rotary inertia, m (M + B) is the mass matrix and m (A - A^T) the
     gyroscopic one.
     """
     rows = _rows(element)
     products = {
-        "A": ("u", "w", "N_u^T N_w", "(B.3), (B.9)-(B.15)"),
-        "B": ("u", "u", "N_u^T N_u", "(B.2), (B.9)-(B.13)"),
-        "M": ("w", "w", "N_w^T N_w", "(B.5), (B.17)"),
+        "A": (
+            "u",
+            "w",
+            "u^T w",
+            "rows u and w",
+            "(B.3), (B.9)-(B.13); (B.14), corrected: row u2, column theta1; (B.15): its transpose",
+        ),
+        "B": ("u", "u", "u^T u", "row u", "(B.2), (B.9)-(B.13)"),
+        "M": ("w", "w", "w^T w", "row w", "(B.5), (B.17)"),
     }
     return {n: (_integrated(rows[a], rows[b]), *texts) for n, (a, b, *texts) in products.items()}
 

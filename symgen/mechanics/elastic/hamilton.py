@@ -26,8 +26,8 @@ OMEGA_RATE = quantity("omega_rate", "rad/s^2", "angular acceleration of the link
 AX = quantity("ax", "m/s^2", "absolute acceleration of the first point less gravity, along the link")
 AY = quantity("ay", "m/s^2", "absolute acceleration of the first point less gravity, across the link")
 N0 = quantity("N0", "N", "axial force of the rigid motion at the first point, tension positive")
-PX = quantity("p_x", "N", "force along the link, or factor of its profile, component along it")
-PY = quantity("p_y", "N", "the same, component across it")
+PX = quantity("p_x", "N", "applied force, component along the link")
+PY = quantity("p_y", "N", "applied force, component across the link")
 #: Rigid-body motion inputs of a link's equation of motion.
 MOTION = (OMEGA, OMEGA_RATE, AX, AY, N0)
 APPLIED = (PX, PY)
@@ -44,10 +44,10 @@ ROTARY = quantity("J", "kg*m", "rotary inertia per length at x")
 AXIAL = quantity("EA", "N", "axial stiffness at x")
 BENDING = quantity("EI", "N*m^2", "bending stiffness at x")
 SHEAR = quantity("kGA", "N", "shear stiffness at x")
-MASS_BEFORE = quantity("mu_0", "kg", "mass from the first point to x")
-MOMENT_BEFORE = quantity("mu_1", "kg*m", "its moment about the first point")
-PROFILE = quantity("p", "1/m", "profile at x of a force that acts along the link")
-PROFILE_BEFORE = quantity("p_0", "1", "integral of the profile from the first point to x")
+MASS_BEFORE = quantity("mu_0", "kg", "mass from the first point to x: integral of mu")
+MOMENT_BEFORE = quantity("mu_1", "kg*m", "moment of that mass about the first point: integral of mu x")
+PROFILE = quantity("p", "1/m", "distribution of the applied force: p p_x and p p_y per length at x")
+PROFILE_BEFORE = quantity("p_0", "1", "part of the applied force that acts before x: integral of p")
 SECTION = (X, MU, ROTARY, AXIAL, BENDING, SHEAR, MASS_BEFORE, MOMENT_BEFORE, PROFILE, PROFILE_BEFORE)
 
 _KINDS = {"u": ("m", "displacement along the link"), "w": ("m", "displacement across the link")}
@@ -63,6 +63,9 @@ _STRAINS = {
 _PER = "J/m per unit of row and column"
 #: Letters of the thesis for the integrals (A.4)-(A.19) of products of shape functions.
 _LETTERS = ("", "", "", "", "E", "B", "A", "G", "M", "E", "G", "N", "L", "B", "A", "M")
+
+#: Erratum of the integrals (A.10) and (A.11).
+PLUS = "A.10-A.11 are printed with a plus"
 
 
 def _fields() -> dict[str, Quantity]:
@@ -238,7 +241,7 @@ def _energies(link: _Link) -> tuple[HamiltonStep, ...]:
             "place", ("x", "y"), link.place, "m", "place of a point in the link's axes", "(6.1)"
         ),
         HamiltonStep(
-            "velocity", ("x", "y"), link.velocity, "m/s", "its absolute velocity in the link's axes",
+            "velocity", ("x", "y"), link.velocity, "m/s", "absolute velocity of a point, in the link's axes",
             "(6.10)",
         ),
         HamiltonStep(
@@ -302,9 +305,8 @@ def _kinetic_terms(link: _Link) -> HamiltonStep:
         "J/m",
         "terms of the kinetic energy per length; letters are those of the vector or matrix in their "
         "integral, kinetic_integrals",
-        "(6.13), (7.7), (A.1)-(A.3); A.4 is a term of (A.1); A.8-A.12 are terms of (A.1); "
-        "A.5-A.7 are terms of (A.2); A.13-A.19 are terms of (A.2); A.10-A.11 (A.10), (A.11) times -1; "
-        "rotary inertia added",
+        "(6.13), (7.7), (A.1)-(A.3); A.4, A.8-A.12 add up to (A.1); A.5-A.7, A.13-A.19 add up to (A.2); "
+        f"{PLUS}; rotary inertia added",
     )
 
 
@@ -327,22 +329,22 @@ def _collected(terms: Sequence[Term]) -> Iterator[HamiltonStep]:
     """Yield the factors of second rates, rates and fields, and the loads: Eqs. (7.24)-(7.27)."""
     tests = tuple(dict.fromkeys(t.test for t in terms))
     for name, order, about, source in (
-        ("mass_terms", 2, "what stands with second rates", "(7.24)"),
+        ("mass_terms", 2, "coefficients of the second rates of the fields", "(7.24)"),
         (
             "gyroscopic_terms",
             1,
-            "what stands with rates: -2 omega [AD] per length, by the fields",
+            "coefficients of the rates of the fields: -2 omega [AD] per length",
             "(7.25)",
         ),
-        ("stiffness_terms", 0, "what stands with the fields", "(7.26)"),
+        ("stiffness_terms", 0, "coefficients of the fields", "(7.26)"),
     ):
         of_order = [t for t in terms if t.trial and t.order == order]
-        trials = tuple(dict.fromkeys(t.trial for t in of_order))
+        trials = tuple(name for name in tests if any(t.trial == name for t in of_order))
         entries = tuple(_total(of_order, test, trial) for test in tests for trial in trials)
         yield HamiltonStep(name, tests, entries, _PER, about, source, trials)
     loads = tuple(-_total(terms, test, "") for test in tests)
     yield HamiltonStep(
-        "load_terms", tests, loads, _PER, "what stands alone, on the right-hand side", "(7.27)"
+        "load_terms", tests, loads, _PER, "terms without a field, on the right-hand side", "(7.27)"
     )
 
 

@@ -116,7 +116,7 @@ def from_fixed_axes() -> tuple[HamiltonStep, ...]:
         ),
         HamiltonStep(
             "rotated_velocity", ("x", "y"), simplified, "m/s",
-            "the same, rotated into axes of the link, simplified by c^2 + s^2 = 1", "(6.5)-(6.7)",
+            "this velocity, rotated into axes of the link, simplified by c^2 + s^2 = 1", "(6.5)-(6.7)",
         ),
         HamiltonStep(
             "origin_velocity", ("v_x", "v_y"), origin, "m/s",

@@ -19,6 +19,7 @@ from symgen.mechanics.elastic.hamilton import (
     MOTION,
     MU,
     PATH,
+    PLUS,
     SECTION,
     THESIS,
     X,
@@ -28,13 +29,15 @@ from symgen.mechanics.elastic.moving_frame import POINT, POINT_RATES, from_fixed
 from symgen.mechanics.elastic.turning_axes import COSINE, SINE, local_equation, transformation
 from symgen.models.elastic.element import SHOWN
 from symgen.models.elastic.fixed_axes import LOAD, TURNED
-from symgen.symbolic.quantity import Quantity, quantity
+from symgen.symbolic.quantity import Quantity, quantity, times_lengths
 from symgen.symbolic.system import NO_SOURCE, Definition, Group, NamedMatrix, System
 
 #: Of a constant section, as in the matrices of an element.
 _MASS = quantity("m0", "kg/m", "mass per length")
 #: Numbers of the equations (D.5)-(D.22) that have errata.
 _ERRATA = 19, 20
+#: Powers of the unit of length in mode functions by the unit of their unknown.
+_POWERS = {"m": 0, "rad": 1, "1/m": 2}
 
 
 def elastic_derivation_system(element: Element | None = None) -> System:
@@ -94,8 +97,8 @@ def elastic_derivation_system(element: Element | None = None) -> System:
 
 def _of_element(element: Element) -> Iterator[NamedMatrix]:
     names = element.dofs
-    for name, (matrix, product, source) in shape_products(element).items():
-        about = f"[{name}]: integral of {product} along the link"
+    for name, (matrix, product, rows, source) in shape_products(element).items():
+        about = f"[{name}]: integral of {product} over x, with {rows} of shape"
         yield NamedMatrix(name, matrix, entry_unit("m"), about, names, names, source=f"thesis {source}")
     about = "T of S = T s: displacements in the link's axes, s, to those in fixed axes, S"
     turned = transformation(element)
@@ -120,19 +123,7 @@ def _fields(
         source="thesis (5.19)-(5.22), (6.16), (6.19), (6.22); u (5.20), (6.16), (6.19); u_t (5.22); "
         "w (5.19), (6.22), (D.1); w_t (5.21)",
     )  # fmt: skip
-    ends = [
-        ("phi" if d.field == "phi" else d.field, d.order, at) for d, at in element.places()
-    ]  # the slope w' is the rotation of a section without shear
-    of = {"u": (shape.axial, "u"), "w": (shape.transverse, "w"), "phi": (shape.rotation, "w'")}
-    values = [
-        [derivative(e, order).xreplace({PLACE.symbol: at}) for e in of[field][0]] for field, order, at in ends
-    ]
-    about = "mode functions, by columns, and their derivatives at both ends: one where the row is the unknown"
-    yield NamedMatrix(
-        "mode_conditions", sp.ImmutableMatrix(values), "SI", about,
-        tuple(f"{of[field][1]}{chr(39) * order} at {'L' if at else '0'}" for field, order, at in ends),
-        element.dofs, source="thesis (C.1)-(C.7), (C.9)-(C.12), (C.14), (C.15)",
-    )  # fmt: skip
+    yield from _conditions(element, unknowns)
     terms = next(step for step in derive().steps if step.name == "kinetic_terms")
     known = {FIELDS[name].symbol: e for name, e in fields.items()}
     integrals = {
@@ -144,7 +135,37 @@ def _fields(
         "kinetic_integrals", sp.ImmutableMatrix([*integrals.values()]), "m^3/s^2",
         "integrals of the kinetic terms over an element of constant mass per length m, times 2/m",
         tuple(integrals),
-        source="thesis (A.3)-(A.19), the fields inserted; A.10-A.11 (A.10), (A.11) times -1",
+        source=f"thesis (A.3)-(A.19), the fields inserted; {PLUS}",
+    )  # fmt: skip
+
+
+def _conditions(element: Element, unknowns: Sequence[Quantity]) -> Iterator[NamedMatrix]:
+    """Yield the fields at the ends, and the conditions on mode functions, whose rows state them."""
+    shape = shape_functions(element)
+    of = {"u": ("u", shape.axial), "w": ("w", shape.transverse), "phi": ("w'", shape.rotation)}
+    fields, modes = dict[str, sp.Expr](), dict[str, tuple[sp.Expr, str]]()
+    for own, (dof, at) in enumerate(element.places()):
+        name, row = of[dof.field]  # the slope w' is the rotation of a section without shear
+        end, marks = "L" if at else "0", f"{name[1:]}{chr(39) * dof.order}"
+        values = [derivative(e, dof.order).xreplace({PLACE.symbol: at}) for e in row]
+        terms = [e * q.symbol for e, q in zip(values, unknowns, strict=True)]
+        fields[f"{name[0]}{marks}({end}) = q{own + 1}"] = sp.Add(*terms)
+        for k, e in enumerate(row):
+            if e != 0:
+                unit = times_lengths("1", _POWERS[unknowns[k].unit] - len(marks))
+                modes[f"phi{k + 1}{marks}({end}) = {int(k == own)}"] = values[k], unit
+    yield NamedMatrix(
+        "end_conditions", sp.ImmutableMatrix([*fields.values()]), ", ".join(q.unit for q in unknowns),
+        "fields and their derivatives at both ends, which are the unknowns", tuple(fields),
+        source="thesis, Appendix C; u(0) (C.1); u(L) (C.2); w* (C.14)",
+    )  # fmt: skip
+    rows = sorted(modes, key=lambda row: row[: len("phi1")])
+    yield NamedMatrix(
+        "mode_conditions", sp.ImmutableMatrix([modes[row][0] for row in rows]),
+        ", ".join(modes[row][1] for row in rows),
+        "mode functions phi of the unknowns, and their derivatives, at both ends", tuple(rows),
+        source="thesis, Appendix C; phi1(0) (C.3), (C.8); phi1(L) (C.4), (C.9); phi5(0) (C.5), (C.11); "
+        "phi5(L) (C.6), (C.12); phi2* (C.15)",
     )  # fmt: skip
 
 

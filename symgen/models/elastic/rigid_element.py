@@ -8,14 +8,20 @@ from symgen.mechanics.elastic import rigid_elements
 from symgen.mechanics.elastic.rigid_elements import NODAL
 from symgen.mechanics.sources import RIGID_ELEMENT
 from symgen.symbolic.quantity import AXES, Quantity, quantity
-from symgen.symbolic.system import Export, Group, NamedMatrix, System
+from symgen.symbolic.system import Definition, Export, Group, NamedMatrix, System
 
 REFERENCE = "The thesis on kineto-elastodynamics, Chapter IV, Eqs. (4.1)-(4.10)"
 #: Rows of the balance of an element.
 ROWS = ("x", "y", "moment")
 #: Units of entries are those of their row; in columns of moments, over a metre.
 PER_MOMENT = "; /m per moment"
-_MOTION = "x", "y", "turning", "weight"
+#: Matrices without kernels.
+_SHOWN = "levers", "motion"
+#: Ways of the thesis by their letter.
+_LEVERS = {
+    "R": "from the first node to the centre of mass",
+    "S": "from the centre of mass to the second node",
+}
 
 
 def rigid_element_system() -> System:
@@ -50,12 +56,30 @@ def rigid_element_system() -> System:
         tuple(y - x for x, y in zip(*pair, strict=True)) for pair in ((start, end), (first, second))
     )
     turning = rigid_elements.angular_acceleration(d, relative)
+    before = rigid_elements.between((sp.S.Zero, sp.S.Zero), d, *at)
+    behind = tuple(x - y for x, y in zip(d, before, strict=True))
+    levers = [
+        Definition(quantity(f"{letter}_{a}", "m", f"{a} component of the way {_LEVERS[letter]}"), x)
+        for letter, way in (("R", before), ("S", behind))
+        for a, x in zip(plane, way, strict=True)
+    ]
     acceleration = rigid_elements.between(first, second, *at)
-    right = rigid_elements.inertia(mass.symbol, moment.symbol, acceleration, turning, gravity)
+    about = "component of the acceleration of the centre of mass"
+    moved_centre = [
+        *(
+            Definition(quantity(f"G_a{a}", "m/s^2", f"{a} {about}"), x)
+            for a, x in zip(plane, acceleration, strict=True)
+        ),
+        Definition(quantity("theta_acceleration", "rad/s^2", "angular acceleration"), turning),
+    ]
+    *centre_of, angular = (x.quantity.symbol for x in moved_centre)
+    right = rigid_elements.inertia(mass.symbol, moment.symbol, tuple(centre_of), angular, gravity)
+    r_x, r_y, *to_end = (x.quantity.symbol for x in levers)
     at_nodes = tuple(f"{name} at {node}" for node in "ik" for name in NODAL)
     matrices = (
         NamedMatrix(
-            "nodal_matrix", rigid_elements.nodal_matrix(start, end, centre), "1, 1, m" + PER_MOMENT,
+            "nodal_matrix", rigid_elements.nodal_matrix((-r_x, -r_y), tuple(to_end), (0, 0)),
+            "1, 1, m" + PER_MOMENT,
             "[d] of the forces and moments (F) at both nodes, as they act at the centre of mass", ROWS,
             at_nodes,
         ),
@@ -64,9 +88,16 @@ def rigid_element_system() -> System:
             "a force at the point p, as it acts at the centre of mass", ROWS, plane,
         ),
         NamedMatrix(
-            "motion", sp.ImmutableMatrix([*acceleration, turning, -mass.symbol * gravity[1]]),
+            "levers", sp.ImmutableMatrix([x.expression for x in levers]), "m",
+            "(R) and (H), in (4.9) R and S: ways to and from the centre of mass",
+            tuple(x.quantity.name for x in levers),
+        ),
+        NamedMatrix(
+            "motion",
+            sp.ImmutableMatrix([*(x.expression for x in moved_centre), -mass.symbol * gravity[1]]),
             "m/s^2, m/s^2, rad/s^2, N",
-            "(P): acceleration of the centre of mass, angular acceleration and weight", _MOTION,
+            "(P): acceleration of the centre of mass, angular acceleration and weight",
+            (*(x.quantity.name for x in moved_centre), "weight"),
         ),
         NamedMatrix(
             "inertia", sp.ImmutableMatrix(3, 1, right), "N, N, N*m",
@@ -84,7 +115,8 @@ def rigid_element_system() -> System:
             Group("p", "mass properties", (mass, along, across, moment)),
         ),
         matrices=matrices,
-        exports=tuple(Export(m.name, m.description, (m.name,)) for m in matrices if m.name != "motion"),
+        exports=tuple(Export(m.name, m.description, (m.name,)) for m in matrices if m.name not in _SHOWN),
+        definitions=(*levers, *moved_centre),
         references=(REFERENCE,),
         sources=RIGID_ELEMENT,
     )

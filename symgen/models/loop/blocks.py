@@ -38,7 +38,14 @@ def loop_row_system() -> System:
         (_ROW,),
         (
             named("transform", placed, "1, m", "axes and origin of the frame behind the row", AXES, PLACED),
-            named("dual_transform", frame.dual.beside, "1, m", "the same, R | D of R + eps D", AXES, DUAL),
+            named(
+                "dual_transform",
+                frame.dual.beside,
+                "1, m",
+                "transform as R | D of the dual R + eps D",
+                AXES,
+                DUAL,
+            ),
         ),
         names,
         kernels=("transform",),  # the dual form is shown only

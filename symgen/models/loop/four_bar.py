@@ -58,10 +58,16 @@ def four_bar_motion_system() -> System:
             (w, four_bar.accelerations(_letters(closing))),
         )
     ]
-    joints, centres = _points(lengths, angles)
+    nodes = _nodes(lengths, angles)
+    known: dict[sp.Symbol, sp.Expr] = {}
+    for x in chain.from_iterable(nodes.values()):
+        known[x.quantity.symbol] = x.expression.xreplace(known)
+    pairs = enumerate(pairwise(_letters(nodes[name]) for name in "MABQ"), 1)
+    centres = {f"G{k}": four_bar.middle(*pair) for k, pair in pairs}
+    places = {name: _letters(nodes[name]) for name in "AB"} | centres
     moved = {
-        name: tuple(four_bar.accelerated(x, angles, second, calculus) for x in place)
-        for name, place in (joints | centres).items()
+        name: tuple(four_bar.accelerated(x.xreplace(known), angles, second, calculus) for x in place)
+        for name, place in places.items()
     }
     matrices = (
         _column("closure", "end of the coupler less that of the output link, zero",
@@ -77,7 +83,7 @@ def four_bar_motion_system() -> System:
             for name, definitions in zip(_MOVED, found, strict=True)
         ),
         _defined("acceleration_terms", "terms of the second rate of the closure", closing),
-        _column("joints", "positions of the joints A and B", _components(joints), "m"),
+        _defined("joints", "positions of the joints A and B", [*nodes["A"], *nodes["B"]]),
         _column("centres", "centres of mass of crank, coupler and output link, each at mid-length",
                 _components(centres), "m"),
         _column("point_accelerations", "accelerations of joints and centres of mass", _components(moved),
@@ -93,22 +99,41 @@ def four_bar_motion_system() -> System:
         ),
         matrices=matrices,
         exports=(Export("motion", "angles, angular velocities and accelerations", _MOVED),),
-        definitions=(*ratios, *quadratics, *found[0], *found[1], *closing, *found[2]),
+        definitions=(
+            *ratios,
+            *quadratics,
+            *found[0],
+            *found[1],
+            *closing,
+            *found[2],
+            *chain(*nodes.values()),
+        ),
         references=(REFERENCE,),
         sources=FOUR_BAR,
     )
 
 
-def _points(lengths: Lengths, angles: Angles) -> tuple[dict[str, Vector], dict[str, Vector]]:
-    """Return the joints, and the centres of mass of links with these at mid-length, by name."""
+def _nodes(lengths: Lengths, angles: Angles) -> dict[str, list[Definition]]:
+    """Return the positions of the nodes of the thesis by name: ground points M and Q, joints A and B."""
+
+    def named(name: str, about: str, at: Vector) -> list[Definition]:
+        components = zip(AXES, at, strict=False)
+        return [
+            Definition(quantity(f"{name}_{k}", "m", f"{k} position of {about}"), x) for k, x in components
+        ]
+
     start, end = four_bar.ground(lengths)
-    joints = {
-        "A": four_bar.place(start, lengths.a, angles.crank),
-        "B": four_bar.place(end, lengths.c, angles.output),
+    ground = named("Q", "Q, the ground point of the output link", end)
+    return {
+        "M": named("M", "M, the ground point of the crank", start),
+        "Q": ground,
+        "A": named("A", "A, the joint of crank and coupler", four_bar.place(start, lengths.a, angles.crank)),
+        "B": named(
+            "B",
+            "B, the joint of coupler and output link",
+            four_bar.place(_letters(ground), lengths.c, angles.output),
+        ),
     }
-    nodes = (start, *joints.values(), end)
-    pairs = enumerate(pairwise(nodes), 1)
-    return joints, {f"G{k}": four_bar.middle(*pair) for k, pair in pairs}
 
 
 def _components(points: Mapping[str, Vector]) -> dict[str, sp.Expr]:

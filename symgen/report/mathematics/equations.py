@@ -155,6 +155,9 @@ def _legend(
     there = _there(matrices, used)
     known = [(x, "") for x in system.arguments() if x.symbol in there]
     known += [(c.quantity, f" = {value_of(c)}") for c in system.constants if c.quantity.symbol in there]
+    rows = _letters_of_rows(system, matrices)
+    stated = (d.quantity for d in system.definitions if d.quantity.symbol in there - used.keys())
+    known += [(x, f", {rows[x.symbol]}") for x in stated]
     if not known:
         return []
     written = [text_name(x.name) for x, _ in known]
@@ -167,7 +170,8 @@ def _legend(
         indent = " " * (columns(name) + 2)
         if len(indent) > width // 2:
             indent = "      "
-        lines += wrapped(f"{name}  {x.description} [{x.unit}]{value}", width, indent)
+        about = wrapped(f"{x.description} [{x.unit}]{value}", width - columns(name) - 2, "")
+        lines += [f"{name}  {about[0]}", *(f"{indent}{line}" for line in about[1:])]
     terms = (d.quantity for d in system.definitions if d.quantity.symbol in used)
     for pattern, about in dict.fromkeys(_families(terms)):
         lines += wrapped(f"  {pattern}  {about}", width, " " * (len(pattern) + 4))
@@ -195,13 +199,35 @@ def used_constants(system: System, matrices: Sequence[NamedMatrix]) -> list[Defi
 
 
 def used_terms(system: System, matrices: Sequence[NamedMatrix]) -> dict[sp.Symbol, sp.Expr]:
-    """Return the shared terms used by matrices, directly or indirectly, in order."""
+    """Return the shared terms used by matrices, directly or indirectly, in order.
+
+    Letters that are rows of other matrices (:func:`_letters_of_rows`) stay letters.
+    """
     definitions = {d.quantity.symbol: d.expression for d in system.definitions}
+    own = _letters_of_rows(system, matrices).keys()
     terms: set[sp.Symbol] = set()
     waiting = [s for m in matrices for s in m.matrix.free_symbols]
     while waiting:
         symbol = waiting.pop()
-        if symbol in definitions and symbol not in terms:
+        if symbol in definitions and symbol not in terms and symbol not in own:
             terms.add(symbol)
             waiting.extend(definitions[symbol].free_symbols)
     return {s: e for s, e in definitions.items() if s in terms}
+
+
+def _letters_of_rows(system: System, matrices: Sequence[NamedMatrix]) -> dict[sp.Basic, str]:
+    """Return the letters whose definitions are rows of other matrices, with equation or matrix of each."""
+    definitions = {d.quantity.name: d for d in system.definitions}
+    shown = {m.name for m in matrices}
+    return {
+        definitions[row].quantity.symbol: number[1] if (number := _number_of(row, m)) else f"see {m.name}"
+        for m in system.matrices
+        if m.matrix.cols == 1 and m.name not in shown
+        for row, e in zip(m.rows, m.matrix, strict=False)
+        if row in definitions and definitions[row].expression == e
+    }
+
+
+def _number_of(row: str, m: NamedMatrix) -> re.Match[str] | None:
+    """Return the match of the equation of a row in the source of its matrix, as (4.28) in theta3 (4.28)."""
+    return re.search(rf"; {re.escape(row)} (\([^;)]*\))", m.source)

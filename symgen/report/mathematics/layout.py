@@ -8,8 +8,9 @@ from itertools import pairwise
 from unicodedata import combining
 
 import sympy as sp
+from sympy.printing.pretty.stringpict import prettyForm
 
-from symgen.symbolic.notation import pretty, text, text_name
+from symgen.symbolic.notation import pretty, pretty_entries, text, text_name
 from symgen.symbolic.system import NamedMatrix
 
 #: Width of lines where the output is not a terminal.
@@ -18,6 +19,8 @@ WIDTH = 100
 _GAP = 2
 #: Character columns of both brackets together.
 _BRACKETS = 2
+#: Most character columns of the names of rows beside a matrix.
+_LABEL = 24
 #: Places of an expression at which its line may be broken if there is no blank.
 _BREAKS = re.compile(r"(?<=[⋅,(/])|(?<=[^*]\*)(?!\*)")
 
@@ -35,7 +38,7 @@ def heading(m: NamedMatrix, width: int = WIDTH) -> list[str]:
 def in_lines(m: NamedMatrix, width: int = WIDTH) -> Iterator[str]:
     """Yield a matrix as lines: whole, in blocks of columns, or as a list of its entries.
 
-    Names of rows and columns follow, or stand with each entry.
+    Names of rows stand beside them, those of columns follow; or both stand with each entry.
     """
     matrix = m.matrix
     if 0 in matrix.shape:
@@ -45,24 +48,41 @@ def in_lines(m: NamedMatrix, width: int = WIDTH) -> Iterator[str]:
         whole = pretty(matrix[0, 0]).splitlines()
         yield from whole if _fits(whole, width) else wrapped(text(matrix[0, 0]), width)
         return
-    blocks = [*_blocks(matrix, width)]
+    forms = pretty_entries(matrix)
+    labels = m.rows if matrix.rows > 1 else ()
+    beside = max(map(columns, labels), default=0)
+    if beside > _LABEL:
+        beside = 0
+    margin = beside + _GAP if beside else 0
+    blocks = [*_blocks(forms, width - margin)]
     if not blocks:
         yield from _entries(m, width)
         return
     for first, last in blocks:
         if len(blocks) > 1:
-            names = m.columns[first:last] if m.columns else [str(j) for j in range(first, last)]
+            names = m.columns[first:last] if m.columns else [str(j + 1) for j in range(first, last)]
             yield from wrapped(f"columns: {', '.join(names)}", width)
-        yield from pretty(matrix[:, first:last]).splitlines()
-    if len(m.rows) > 1:
-        yield from wrapped(f"rows: {', '.join(m.rows)}", width)
+        at = dict(zip(_baselines(forms, first, last), labels, strict=False)) if beside else {}
+        for i, line in enumerate(pretty(matrix[:, first:last]).splitlines()):
+            yield f"{at.get(i, ''):<{margin}}{line}"
+    if labels and not beside:
+        yield from wrapped(f"rows: {', '.join(labels)}", width)
     if len(m.columns) > 1 and len(blocks) == 1:
         yield from wrapped(f"columns: {', '.join(m.columns)}", width)
 
 
-def _blocks(matrix: sp.MatrixBase, width: int) -> Iterator[tuple[int, int]]:
+def _baselines(forms: Sequence[Sequence[prettyForm]], first: int, last: int) -> Iterator[int]:
+    """Yield the line of each row in a block of columns."""
+    start = 0
+    for row in forms:
+        above = max(form.baseline for form in row[first:last])
+        yield start + above
+        start += above + max(form.height() - form.baseline for form in row[first:last]) + 1
+
+
+def _blocks(forms: Sequence[Sequence[prettyForm]], width: int) -> Iterator[tuple[int, int]]:
     """Yield first and last column, exclusive, of blocks within a width; nothing if a column is wider."""
-    widths = [max(map(columns, pretty(matrix[:, j]).splitlines())) - _BRACKETS for j in range(matrix.cols)]
+    widths = [max(form.width() for form in column) for column in zip(*forms, strict=True)]
     if max(widths) + _BRACKETS > width:
         return
     starts, used = [0], _BRACKETS - _GAP
@@ -71,7 +91,7 @@ def _blocks(matrix: sp.MatrixBase, width: int) -> Iterator[tuple[int, int]]:
             starts.append(j)
             used = _BRACKETS - _GAP
         used += _GAP + own
-    yield from pairwise([*starts, matrix.cols])
+    yield from pairwise([*starts, len(widths)])
 
 
 def _entries(m: NamedMatrix, width: int) -> Iterator[str]:
@@ -82,9 +102,9 @@ def _entries(m: NamedMatrix, width: int) -> Iterator[str]:
     for i in range(m.matrix.rows):
         for j in range(i if m.symmetric else 0, m.matrix.cols):
             if m.matrix[i, j] != 0:
-                place = [m.rows[i] if m.rows else str(i)]
+                place = [m.rows[i] if m.rows else str(i + 1)]
                 if m.matrix.cols > 1:
-                    place.append(m.columns[j] if m.columns else str(j))
+                    place.append(m.columns[j] if m.columns else str(j + 1))
                 yield from wrapped(f"  {', '.join(place)}: {text(m.matrix[i, j])}", width, "      ")
     if m.symmetric:
         yield "  entries below the diagonal: as above it (symmetric)"

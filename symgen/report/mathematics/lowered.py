@@ -90,9 +90,9 @@ def _places(block: Block) -> list[tuple[int, str]]:
     places = []
     for i in range(rows):
         for j in range(columns):
-            names = [block.rows[i] if block.rows else str(i)]
+            names = [block.rows[i] if block.rows else str(i + 1)]
             if columns > 1:
-                names.append(block.columns[j] if block.columns else str(j))
+                names.append(block.columns[j] if block.columns else str(j + 1))
             places.append((block.offset + i * columns + j, ", ".join(names)))
     return places
 

@@ -66,8 +66,8 @@ def in_numbers(
         If the matrix contains an argument without a value in ``values``.
     """
     numbers = evaluated(system, matrix, values)
-    rows = matrix.rows or tuple(str(i) for i in range(numbers.rows))
-    names = matrix.columns or tuple(str(j) for j in range(numbers.cols))
+    rows = matrix.rows or tuple(str(i + 1) for i in range(numbers.rows))
+    names = matrix.columns or tuple(str(j + 1) for j in range(numbers.cols))
     first = max(map(len, rows), default=0)
     count = max(1, (width - first) // _NUMBER)
     lines = wrapped(f"{matrix.name} {label} [{matrix.unit}]", width)
@@ -135,8 +135,8 @@ def evaluated(
         )
     for (i, j), x in numbers.todok().items():
         if not (isinstance(x, sp.Number) and x.is_finite):
-            place = f"row {matrix.rows[i] if matrix.rows else i}"
-            place += f", column {matrix.columns[j] if matrix.columns else j}" if numbers.cols > 1 else ""
+            place = f"row {matrix.rows[i] if matrix.rows else i + 1}"
+            place += f", column {matrix.columns[j] if matrix.columns else j + 1}" if numbers.cols > 1 else ""
             raise ModelError(
                 f"{matrix.name} has no finite real value in {place}: a denominator is zero, or a root is that"
                 " of a negative number.\n  Give symbols other values with --with NAME=VALUE, in SI units."

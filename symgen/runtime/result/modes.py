@@ -145,7 +145,7 @@ class LabelledMatrix:
         return tuple(map(unit_of, self.columns))
 
     def part(self, rows: Sequence[str] = (), columns: Sequence[str] = ()) -> LabelledMatrix:
-        """Return some rows and columns, by name or by number from 0; all of them if none is given.
+        """Return some rows and columns, by name or by number from 1; all of them if none is given.
 
         Raises
         ------
@@ -164,9 +164,9 @@ class LabelledMatrix:
 
     def _numbers(self, kind: str, selected: Sequence[str], names: Sequence[str]) -> list[int]:
         for name in selected:
-            if name not in names and not (name.isdecimal() and int(name) < len(names)):
+            if name not in names and not (name.isdecimal() and 0 < int(name) <= len(names)):
                 raise ModelError(f"matrix {self.name} has no {kind} {name!r}. {nearest(name, names)}")
-        return [names.index(x) if x in names else int(x) for x in selected] or [*range(len(names))]
+        return [names.index(x) if x in names else int(x) - 1 for x in selected] or [*range(len(names))]
 
     def __repr__(self) -> str:
         shape = " x ".join(map(str, self.values.shape))
