@@ -48,6 +48,7 @@ NOT_DERIVED = {
     "thesis (2.1)-(2.17)": "equations of other authors, in a review of the literature",
     "thesis (7.1)-(7.6)": "Hamilton's principle itself, which holds for any system",
 }
+_NO_SUCH = "The papers have no equation of this number."
 #: The last equation of each paper, of its chapters and appendices.
 LAST: dict[str, dict[str, int]] = {
     "Attia": {"": 16},
@@ -153,7 +154,7 @@ def elsewhere(equation: str) -> str:
     found, chapter, own = list[tuple[int, str]](), number[0].rstrip("."), int(number[1])
     papers = [paper for paper in LAST if author.casefold() in paper.casefold()]
     if not any(0 < own <= LAST[paper].get(chapter, 0) for paper in papers):
-        return "The papers have no equation of this number."
+        return _NO_SUCH
     for paper, commands in json.loads(STORED.read_text(encoding="utf-8")).items():
         if paper in papers:
             ranked = [
@@ -166,8 +167,9 @@ def elsewhere(equation: str) -> str:
             found.append((best, f"{paper}: {continued}"))
     best = max((rank for rank, _ in found), default=0)
     commands = "\n  ".join(command for rank, command in found if rank == best > 0 or rank >= _GROUP)
-    reasons = (reason for source, reason in NOT_DERIVED.items() if _precision(number, source))
-    return commands or f"symgen does not derive it: {next(reasons)}."
+    reasons = (text for source, text in NOT_DERIVED.items() if _precision(number, source))
+    none = next((f"symgen does not derive it: {text}." for text in reasons), _NO_SUCH)
+    return commands or none
 
 
 def _place(text: str, rows: Sequence[str]) -> tuple[list[str], list[str], str] | None:

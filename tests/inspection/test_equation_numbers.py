@@ -13,7 +13,17 @@ from shared.equations import found
 import symgen
 from symgen.cli import app
 from symgen.errors import ModelError, StaleBinaryError
-from symgen.pipeline.citations import PAPERS, STORED, as_equation, citing, command_of, settings
+from symgen.pipeline.citations import (
+    LAST,
+    NOT_DERIVED,
+    PAPERS,
+    STORED,
+    as_equation,
+    citing,
+    command_of,
+    elsewhere,
+    settings,
+)
 from symgen.pipeline.subject import Subject
 from symgen.runtime.beams import elements
 
@@ -325,7 +335,8 @@ def test_all_systems_and_other_models():
             'thesis: symgen show thesis_four_bar "(E.40)" \\\n      --set links.crank.elastic.axial=false \\\n',
         ),
         ("rod", "8", 'Attia: symgen show rod_spatial "(8)"\n  Rahman: symgen show slider_crank "(8)"'),
-        ("rod", "(2.1)", "docs/papers.md"),
+        ("rod", "(2.1)", "symgen does not derive it: equations of other authors"),
+        ("thesis_four_bar", "7.1", "symgen does not derive it: Hamilton's principle itself"),
     ]:
         with pytest.raises(ModelError, match=re.escape(command)):
             Subject(model, {}).found(equation)
@@ -377,6 +388,17 @@ def test_a_number_beyond_those_of_the_papers_is_said_to_be_none(number):
     """Of the copies at hand: (E.47), (A.19), no appendix G, Attia (16), Rahman (69); chapters of the thesis."""
     with pytest.raises(ModelError, match="The papers have no equation of this number"):
         Subject("element_beam8", {}).found(number)
+
+
+@pytest.mark.parametrize("paper", LAST)
+def test_every_number_has_a_command_or_a_reason(paper):
+    for chapter, last in LAST[paper].items():
+        for n in range(1, last + 1):
+            text = elsewhere(f"{paper} ({chapter}{'.' * bool(chapter)}{n})")
+            stated = [reason for source, reason in NOT_DERIVED.items() if paper in source and reason in text]
+            assert ("symgen " + ("does not derive it" if stated else "")) in text, (chapter, n)
+            assert bool(stated) == (chapter == "2" or (chapter == "7" and n < 7)), (chapter, n)
+            assert not stated or ": symgen " not in text
 
 
 def test_signs_that_only_the_print_of_integrals_lacks():

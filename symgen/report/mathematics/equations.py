@@ -170,8 +170,8 @@ def _legend(
         indent = " " * (columns(name) + 2)
         if len(indent) > width // 2:
             indent = "      "
-        about = wrapped(f"{x.description} [{x.unit}]{value}", width - columns(name) - 2, "")
-        lines += [f"{name}  {about[0]}", *(f"{indent}{line}" for line in about[1:])]
+        parts = wrapped(f"{x.description} [{x.unit}]{value}", width - columns(name) - 2, "")
+        lines += [f"{name}  {parts[0]}", *(f"{indent}{part}" for part in parts[1:])]
     terms = (d.quantity for d in system.definitions if d.quantity.symbol in used)
     for pattern, about in dict.fromkeys(_families(terms)):
         lines += wrapped(f"  {pattern}  {about}", width, " " * (len(pattern) + 4))
