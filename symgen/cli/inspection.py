@@ -132,7 +132,7 @@ def show(
         _list_models()
         return
     _check_model(model, matrix)
-    from symgen.report.mathematics.equations import check_form
+    from symgen.report.mathematics.equations import check_form, check_letters
 
     check_form(form)
     from symgen.inspection.assembled import is_assembled, numbers
@@ -160,6 +160,7 @@ def show(
         cuts = [x.strip() for x in cut.split(",")] if cut else []
         found = subject.found(matrix, numbers=form == "numeric", cuts=cuts)
         for i, part in enumerate(parts([x.by(by) for x in found] if by else found, rows, columns)):
+            check_letters(part.matrices, form)
             print("\n" * bool(i), end="")
             if form == "numeric":
                 _show_numbers(subject, part, at, with_ or ())

@@ -276,6 +276,7 @@ def elastic_record(of_element: System | None = None) -> tuple[Step, ...]:
 
     The last step has the further matrices of an element, if its system is given.
     """
+    from symgen.mechanics.elastic.letters import condensed_equations, element_equations
     from symgen.models.elastic.derivation import elastic_derivation_system
 
     system = of_element or elastic_derivation_system()
@@ -324,8 +325,16 @@ def elastic_record(of_element: System | None = None) -> tuple[Step, ...]:
     )
     known = {name for step in steps for name in step.names}
     further = tuple(m.name for m in system.matrices if m.name not in known)
-    if not further:
-        return steps
-    about = "The fields by the unknowns of an element, and integrals of their products along it."
-    source = "thesis, Chapter VI, Appendices A to E"
-    return (*steps, Step("Elastic link: fields of an element", about, source, system, further))
+    if further:
+        about = "The fields by the unknowns of an element, and integrals of their products along it."
+        source = "thesis, Chapter VI, Appendices A to E"
+        steps = (*steps, Step("Elastic link: fields of an element", about, source, system, further))
+    letters = (
+        (element_equations(), "thesis, Eqs. (6.13)-(7.28)"),
+        (condensed_equations(), "thesis, Eqs. (E.22)-(E.29)"),
+    )
+    about = "The equations as the thesis prints them, with the matrices that the letters stand for."
+    return (
+        *steps,
+        *(Step(x.title, about, source, x, tuple(m.name for m in x.matrices)) for x, source in letters),
+    )

@@ -285,7 +285,7 @@ class Subject:
             if new and rank == best:
                 seen.update(m.name for m in new)
                 found.append(Chosen(system, new))
-        return tuple(found)
+        return tuple(sorted(found, key=lambda chosen: not chosen.matrices[0].in_letters))
 
     def searched(self) -> Iterator[tuple[str, System]]:
         """Yield the systems in which names are looked up, each derived when it is reached."""
@@ -388,9 +388,10 @@ class Equations(Matrices):
     def _repr_html_(self) -> str:
         return self._subject.system._repr_html_()
 
-    def __missing__(self, name: str) -> sp.ImmutableMatrix:
+    def __missing__(self, name: str) -> Any:
         matrices = [m for chosen in self._subject.found(name) for m in chosen.matrices]
         if len(matrices) != 1:
             names = ", ".join(m.name for m in matrices[:_NAMED])
             raise ModelError(f"{name} stands for {len(matrices)} matrices: {names}, ...: name one of them")
-        return DerivedMatrix.of(matrices[0].matrix)
+        m = matrices[0]
+        return m.equation if m.in_letters else DerivedMatrix.of(m.matrix)

@@ -58,6 +58,7 @@ def derivative(system: System, matrices: Iterable[NamedMatrix], name: str) -> Sy
             m,
             name=f"{m.name}_by_{name}",
             matrix=m.matrix.applyfunc(lambda e: _through(e, slopes)),
+            left=None,
             unit=_per(m.unit, by.unit),
             description=f"derivative by {name} of: {m.description}",
             source=NO_SOURCE if m.source else "",

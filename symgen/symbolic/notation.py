@@ -32,6 +32,8 @@ _GREEK = dict(zip(_LETTERS.split(), "αβγδεζηθικλμνξπρστυφχ�
 _DOTS = {"_rate": 1, "_acceleration": 2, "_tt": 2, "_t": 1}
 #: Names of components of velocities and accelerations of points, and of vectors of links, in derivations.
 _COMPONENT = re.compile(r"(?:(?P<owner>.+)_)?(?P<letter>[vad])(?P<axis>[xyz])")
+#: Letters of whole vectors and matrices, such as ``(S_t)``, ``[M]`` and ``delta(S)``.
+_BRACKETED = re.compile(r"(\w*)([(\[])(.+)([)\]])")
 _NUMBERED = re.compile(r"(?P<word>[^\W\d]+)(?P<number>\d+)(?P<rest>.*)")
 
 
@@ -71,7 +73,8 @@ _SHOWN = 15
 def readable(expression: Expression) -> Expression:
     """Return an expression for readers: multiples of pi as such, long rationals as decimal fractions."""
     expression = with_pi(expression)
-    expression = expression.xreplace({m: _whole(m) for m in expression.atoms(sp.Mul) if m.atoms(sp.Add)})
+    sums = ((m, _whole(m)) for m in expression.atoms(sp.Mul) if m.atoms(sp.Add))
+    expression = expression.xreplace({m: whole for m, whole in sums if whole is not m})
     long = {r: sp.Float(r, _SHOWN) for r in expression.atoms(sp.Rational) if len(str(r.q)) > _SHOWN}
     return expression.xreplace(long)
 
@@ -146,6 +149,9 @@ _TYPESET = (
 
 def text_name(name: str) -> str:
     """Return a name as text in one line: with Greek letters, dots, and digits below."""
+    if bracketed := _BRACKETED.fullmatch(name):
+        before, opened, inside, closed = bracketed.groups()
+        return f"{before and text_name(before)}{opened}{text_name(inside)}{closed}"
     n = notation(name)
     letter = _GREEK.get(n.base, n.base)
     if n.dots and len(letter) > 1:  # no dots above words
@@ -161,6 +167,9 @@ def text_name(name: str) -> str:
 
 def latex_name(name: str) -> str:
     """Return a name in LaTeX."""
+    if bracketed := _BRACKETED.fullmatch(name):
+        before, opened, inside, closed = bracketed.groups()
+        return rf"{before and latex_name(before)}\left{opened}{latex_name(inside)}\right{closed}"
     n = notation(name)
     base = rf"\{n.base}" if n.base in _IN_LATEX else _upright(n.base)
     base = rf"\{'d' * n.dots}ot{{{base}}}" if n.dots else base
@@ -169,6 +178,10 @@ def latex_name(name: str) -> str:
 
 def mathml_name(name: str) -> str:
     """Return a name in MathML."""
+    if bracketed := _BRACKETED.fullmatch(name):
+        before, opened, inside, closed = bracketed.groups()
+        first = before and mathml_name(before)
+        return f"<mrow>{first}<mo>{opened}</mo>{mathml_name(inside)}<mo>{closed}</mo></mrow>"
     n = notation(name)
     base = _mi(n.base)
     if n.dots:
@@ -219,14 +232,34 @@ def _greek(word: str) -> str:
     return _GREEK.get(word, word)
 
 
-class _Pretty(PrettyPrinter):
+class _Ordered:
+    """Terms of equations between whole vectors and matrices stay in the order of the source."""
+
+    def _as_ordered_terms(self, expr: sp.Add, order: str | None = None) -> list[sp.Expr]:
+        ordered: list[sp.Expr] = super()._as_ordered_terms(expr, order)  # type: ignore[misc]
+        return ordered if expr.is_commutative else list(expr.args)
+
+
+class _Pretty(_Ordered, PrettyPrinter):
     def _print_Symbol(self, e: sp.Symbol, bold_name: bool = False) -> prettyForm:
         return prettyForm(text_name(e.name))
 
+    def _print_transpose(self, e: sp.Expr) -> prettyForm:
+        return self._print(e.args[0]) ** prettyForm("T")
 
-class _Text(StrPrinter):
+
+class _Text(_Ordered, StrPrinter):
     def _print_Symbol(self, expr: sp.Symbol) -> str:
         return text_name(expr.name)
+
+    def _print_transpose(self, expr: sp.Expr) -> str:
+        return f"{self._print(expr.args[0])}ᵀ"
+
+    def _print_Mul(self, expr: sp.Mul) -> str:
+        number, rest = expr.as_coeff_Mul()
+        if expr.is_commutative or number.is_Integer:
+            return str(super()._print_Mul(expr))
+        return f"{number}*{self._print(rest)}"  # in front of long sums
 
     def _print_Pi(self, expr: sp.Expr) -> str:
         return "π"
@@ -249,20 +282,29 @@ class _Text(StrPrinter):
         return " or ".join(map(self._print, expr.args))
 
     def _print_Relational(self, expr: sp.Rel) -> str:
-        sign = {"<=": "≤", ">=": "≥"}.get(expr.rel_op, expr.rel_op)
+        sign = {"<=": "≤", ">=": "≥", "==": "="}.get(expr.rel_op, expr.rel_op)
         return f"{self._print(expr.lhs)} {sign} {self._print(expr.rhs)}"
 
 
-class _Latex(LatexPrinter):
+class _Latex(_Ordered, LatexPrinter):
     def _print_Symbol(self, expr: sp.Symbol, style: str = "plain") -> str:
         return latex_name(expr.name)
 
+    def _print_transpose(self, expr: sp.Expr) -> str:
+        return rf"{self._print(expr.args[0])}^{{T}}"
 
-class _MathML(MathMLPresentationPrinter):
+
+class _MathML(_Ordered, MathMLPresentationPrinter):
     """SymPy's printer, with names by their notation and cases by lines."""
 
     def _print_Symbol(self, sym: sp.Symbol, style: str = "plain") -> Any:
         return _parsed(mathml_name(sym.name))
+
+    def _print_transpose(self, expr: sp.Expr) -> Any:
+        whole = self.dom.createElement("msup")
+        for part in (self._print(expr.args[0]), _parsed("<mi>T</mi>")):
+            whole.appendChild(part)
+        return whole
 
     def _print_Pow(self, e: sp.Pow) -> Any:
         named = notation(e.base.name) if e.base.is_Symbol else None

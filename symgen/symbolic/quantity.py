@@ -48,6 +48,11 @@ def quantity(name: str, unit: str, description: str) -> Quantity:
     return Quantity(sp.Symbol(name, real=True), unit, description)
 
 
+def bracketed(name: str, unit: str, description: str) -> Quantity:
+    """Return the letter of a whole vector ``(S)`` or matrix ``[M]`` in equations, which does not commute."""
+    return Quantity(sp.Symbol(name, commutative=False), unit, description)
+
+
 def symbols_of(expressions: Iterable[sp.Basic]) -> set[sp.Basic]:
     """Return the free symbols of expressions, each shared part of which is entered once."""
     found, seen, left = set[sp.Basic](), set[sp.Basic](), list(expressions)

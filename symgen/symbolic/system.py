@@ -26,7 +26,9 @@ class NamedMatrix:
     """A matrix of the model: rows and columns carry names, entries a unit.
 
     ``unit`` is one unit for all entries, or several in row order joined by ``", "``. ``source`` is the
-    equation of the source, as in "Attia (7)", or "not in the source"; empty where it is not stated.
+    equation of the source, as in "Attia (7)", or "not in the source"; empty where it is not stated. ``left``
+    is the left side of the equation in the letters of the source. One entry in letters of whole vectors and
+    matrices is its right side.
     """
 
     name: str
@@ -37,6 +39,7 @@ class NamedMatrix:
     columns: tuple[str, ...] = ()
     symmetric: bool = False
     source: str = ""
+    left: sp.Expr | None = None
 
     def __post_init__(self) -> None:
         for name in ("unit", "description"):
@@ -44,6 +47,19 @@ class NamedMatrix:
                 raise DerivationError(f"matrix {self.name} has no {name}: every matrix needs one")
         if self.rows and len(self.rows) != self.matrix.rows:
             raise DerivationError(f"matrix {self.name}: {len(self.rows)} names for {self.matrix.rows} rows")
+
+    @property
+    def in_letters(self) -> bool:
+        """Whether this is an equation between whole vectors and matrices."""
+        if self.left is None or self.matrix.shape != (1, 1):
+            return False
+        return self.matrix[0, 0] == 0 or not self.matrix[0, 0].is_commutative
+
+    @property
+    def equation(self) -> sp.Basic:
+        """The matrix, or the entry of one with a single entry; where there is a left side, the equation."""
+        right = self.matrix[0, 0] if self.matrix.shape == (1, 1) else self.matrix
+        return right if self.left is None else DerivedEquation(self.left, right, evaluate=False)
 
     def part(self, rows: Sequence[str] = (), columns: Sequence[str] = ()) -> NamedMatrix:
         """Return some rows and columns, by name or by number from 1; all of them if none is given.
@@ -63,8 +79,15 @@ class NamedMatrix:
         if "; " in self.unit:  # zeros have any unit
             chosen = [at for at in chosen if m[at] != 0] or chosen
         unit = own_unit(self.unit, (self.rows, self.columns), m.shape, chosen) if chosen else self.unit
+        left = None if rows or columns else self.left
         return replace(
-            self, matrix=m.extract(i, j), unit=unit, rows=row_names, columns=column_names, symmetric=whole
+            self,
+            matrix=m.extract(i, j),
+            unit=unit,
+            rows=row_names,
+            columns=column_names,
+            symmetric=whole,
+            left=left,
         )
 
     def _numbers(self, kind: str, selected: Sequence[str], names: Sequence[str], count: int) -> list[int]:
@@ -82,7 +105,7 @@ class NamedMatrix:
     def _repr_latex_(self) -> str:
         from symgen.symbolic.notation import latex
 
-        return f"$\\displaystyle {latex(self.matrix)}$"
+        return f"$\\displaystyle {latex(self.matrix if self.left is None else self.equation)}$"
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,9 +206,9 @@ class System:
                 raise DerivationError(f"{self.name}: two quantities are called {quantity.name!r}")
             names.add(quantity.name)
             known.add(quantity.symbol)
-        unknown = symbols_of(m.matrix for m in self.matrices) - known
+        unknown = symbols_of(e for m in self.matrices for e in (m.matrix, m.left) if e is not None) - known
         for matrix in self.matrices if unknown else ():
-            there = sorted(str(s) for s in symbols_of([matrix.matrix]) & unknown)
+            there = sorted(str(s) for s in symbols_of([matrix.matrix, matrix.left or sp.S.Zero]) & unknown)
             if there:
                 raise DerivationError(
                     f"{self.name}: matrix {matrix.name} holds undeclared symbols: {', '.join(there)}"
@@ -302,7 +325,10 @@ class System:
                 replace(g, quantities=tuple(x for x in g.quantities if x.symbol not in known))
                 for g in self.groups
             ),
-            matrices=tuple(replace(m, matrix=m.matrix.applyfunc(substitution)) for m in self.matrices),
+            matrices=tuple(
+                replace(m, matrix=m.matrix.applyfunc(substitution), left=m.left and substitution(m.left))
+                for m in self.matrices
+            ),
             definitions=tuple(definitions),
             constants=tuple(
                 replace(c, expression=substitution(c.expression))
@@ -330,6 +356,15 @@ class DerivedMatrix(sp.ImmutableMatrix):
     def of(cls, matrix: sp.ImmutableMatrix) -> DerivedMatrix:
         """Return a matrix as one of this class, which its constructor does not."""
         return cls._fromrep(matrix._rep)
+
+    def _repr_latex_(self) -> str:
+        from symgen.symbolic.notation import latex
+
+        return f"$\\displaystyle {latex(self)}$"
+
+
+class DerivedEquation(sp.Equality):
+    """A SymPy equation that notebooks show in the notation of symgen."""
 
     def _repr_latex_(self) -> str:
         from symgen.symbolic.notation import latex

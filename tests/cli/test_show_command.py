@@ -34,7 +34,7 @@ def test_every_listed_matrix_is_shown(model):
 def test_show_lists_the_steps_of_a_derivation():
     listed = call("show", "element_beam8")
     assert listed.index("weak_form") < listed.index("geometric0") < listed.index("global_stiffness")
-    assert "(6.12); rotary" in listed and listed.count("per angle") == 2  # once for each table
+    assert "(6.12); rotary" in listed and listed.count("per angle") == 3  # once for each table
     assert "u̇ + v_x" in call("show", "element_cubic", "velocity")
     assert "mass matrix" in call("show", "element_timoshenko", "mass")
 

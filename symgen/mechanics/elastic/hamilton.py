@@ -305,7 +305,7 @@ def _kinetic_terms(link: _Link) -> HamiltonStep:
         "J/m",
         "terms of the kinetic energy per length; letters are those of the vector or matrix in their "
         "integral, kinetic_integrals",
-        "(6.13), (7.7), (A.1)-(A.3); A.4, A.8-A.12 add up to (A.1); A.5-A.7, A.13-A.19 add up to (A.2); "
+        "(A.1)-(A.3); A.4, A.8-A.12 add up to (A.1); A.5-A.7, A.13-A.19 add up to (A.2); "
         f"{PLUS}; rotary inertia added",
     )
 

@@ -8,10 +8,10 @@ from dataclasses import replace
 import sympy as sp
 
 from symgen.elements.element import entry_unit
+from symgen.mechanics.elastic.letters import CONDENSING, FREE, WHOLE, reduced, reduced_vibration
 from symgen.mechanics.rods.condensation import BASIS, allowed_motions
 from symgen.mechanics.sources import THESIS_LINKS, named_condensation
 from symgen.symbolic.names import Names
-from symgen.symbolic.quantity import quantity
 from symgen.symbolic.system import Group, NamedMatrix
 
 #: Unit and meaning of R and its rates by name.
@@ -22,9 +22,8 @@ MOTIONS = {
     )
     for (name, unit), mark in zip(BASIS, ("", "'", "''"), strict=True)
 }
-_OMEGA = quantity("omega_free", "rad/s", "angular frequency of free vibrations")
-#: The argument of the matrix of free vibrations.
-VIBRATION = Group("vibration", "free vibrations", (_OMEGA,))
+#: The argument of the matrix of free vibrations, and letters of whole matrices.
+CONDENSED = Group("condensed", "independent unknowns", (FREE, CONDENSING, *WHOLE.values()))
 #: Unit and meaning of the matrix of free vibrations, by its name.
 _FREE = (
     entry_unit("N/m"),
@@ -138,11 +137,11 @@ def _reduced(
             return names.scalar(called, m[i, j], entry_unit("SI"), f"{text} of {of}")
 
         entries = sp.ImmutableMatrix(*matrix.shape, entry)
-        reduced = basis.T * entries * basis if square else basis.T * entries
-        reduced = sp.ImmutableMatrix(reduced.applyfunc(sp.expand))
-        found.append(
-            NamedMatrix(name, reduced, *REDUCED[name], kept, kept if square else (), name == "reduced_mass")
-        )
+        whole = basis.T * entries * basis if square else basis.T * entries
+        whole = sp.ImmutableMatrix(whole.applyfunc(sp.expand))
+        columns, symmetric = kept if square else (), name == "reduced_mass"
+        found.append(NamedMatrix(name, whole, *REDUCED[name], kept, columns, symmetric, left=reduced(of)))
     stiffness, mass = (m.matrix for m in found[:2])
-    equation = sp.ImmutableMatrix(stiffness - _OMEGA.symbol**2 * mass)
-    return [NamedMatrix("free_vibration", equation, *_FREE, kept, kept), *found]
+    equation = sp.ImmutableMatrix(stiffness - FREE.symbol**2 * mass)
+    free = NamedMatrix("free_vibration", equation, *_FREE, kept, kept, left=reduced_vibration())
+    return [free, *found]

@@ -17,7 +17,7 @@ from symgen.mechanics.elastic.hamilton import THESIS
 from symgen.mechanics.elastic.turning_axes import COSINE, SINE, Pairs, parts_of_equation, turn
 from symgen.mechanics.elastic.weights import Weight
 from symgen.mechanics.sources import ASSEMBLY
-from symgen.models.assembled.condensed import MOTIONS, VIBRATION, condensed
+from symgen.models.assembled.condensed import CONDENSED, MOTIONS, condensed
 from symgen.models.assembled.mesh import Constants, ElasticStructure, Mesh, of_elements, strains
 from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.names import Names
@@ -94,7 +94,7 @@ def assembled_system(linkage: Linkage, structure: ElasticStructure, motion: Syst
     return System(
         f"{linkage.name}_assembled",
         f"{linkage.title}: assembled equations of the elastic motion",
-        (*motion.groups, VIBRATION) if structure.pivots else motion.groups,
+        (*motion.groups, CONDENSED) if structure.pivots else motion.groups,
         tuple(matrices),
         (),
         _used(definitions, matrices),

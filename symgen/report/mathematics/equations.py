@@ -7,12 +7,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import sympy as sp
 
-from symgen.errors import check_known
+from symgen.errors import ModelError, check_known
 from symgen.report.mathematics.layout import WIDTH, columns, defined, heading, in_lines, wrapped
 from symgen.report.mathematics.lowered import in_c, in_shared_terms
 from symgen.report.mathematics.numbers import in_numbers, value_of
 from symgen.symbolic.notation import latex, latex_name, text_name
-from symgen.symbolic.quantity import Quantity
+from symgen.symbolic.quantity import Quantity, symbols_of
 from symgen.symbolic.system import Definition, NamedMatrix, System
 
 FORMATS = ("unicode", "latex", "shared", "c", "numeric")
@@ -29,7 +29,16 @@ _LETTERS = 4000
 
 def overview(matrices: Iterable[NamedMatrix]) -> list[tuple[str, str, str, str, str]]:
     """Return name, shape, unit, description and source of every matrix."""
-    return [(m.name, f"{m.matrix.rows} x {m.matrix.cols}", m.unit, m.description, m.source) for m in matrices]
+    return [
+        (
+            m.name,
+            "" if m.in_letters else f"{m.matrix.rows} x {m.matrix.cols}",
+            m.unit,
+            m.description,
+            m.source,
+        )
+        for m in matrices
+    ]
 
 
 def show(
@@ -78,6 +87,15 @@ def check_form(form: str) -> None:
     check_known(form, FORMATS, "there is no format")
 
 
+def check_letters(matrices: Iterable[NamedMatrix], form: str) -> None:
+    """Raise ModelError for equations between vectors and matrices in a format of entries."""
+    for m in matrices:
+        if m.in_letters and form not in ("unicode", "latex"):
+            raise ModelError(
+                f"{m.name} is an equation between vectors and matrices: name one of these for {form}"
+            )
+
+
 def _as_text(system: System, matrices: Sequence[NamedMatrix], width: int) -> str:
     """Return matrices as text, followed by the shared terms they use and a legend of symbols."""
     shared = used_terms(system, matrices)
@@ -117,8 +135,7 @@ def terms_in_latex(system: System, matrices: Sequence[NamedMatrix]) -> list[str]
 def displayed(m: NamedMatrix) -> list[str]:
     """Return a matrix as displayed equations; for a large matrix its nonzero entries only."""
     if max(m.matrix.shape) <= _WHOLE and len(str(m.matrix)) <= _LETTERS:
-        alone = m.matrix[0, 0] if m.matrix.shape == (1, 1) else m.matrix
-        return [r"\[", latex(alone), r"\]"]
+        return [r"\[", latex(m.equation), r"\]"]
     entries = []
     for i in range(m.matrix.rows):
         for j in range(m.matrix.cols):
@@ -132,11 +149,16 @@ def displayed(m: NamedMatrix) -> list[str]:
 
 def in_python(m: NamedMatrix) -> str:
     """Return a matrix as Python that SymPy alone runs."""
-    names = sorted(s.name for s in m.matrix.free_symbols)
-    symbols = [f"{', '.join(names)} = symbols({' '.join(names)!r}, real=True)"] if names else []
-    entries = sp.sstr(sp.Matrix(m.matrix), sympy_integers=True)
+    shown = m.equation if m.in_letters else sp.Matrix(m.matrix)
+    symbols: dict[str, list[str]] = {}
+    called = {s: re.sub(r"\W", "_", s.name).lstrip("_") for s in shown.free_symbols if not s.is_commutative}
+    for name, s in sorted((called.get(s, s.name), s) for s in shown.free_symbols):
+        symbols.setdefault("commutative=False" if s in called else "real=True", []).append(name)
+    declared = [f"{', '.join(x)} = symbols({' '.join(x)!r}, {kind})" for kind, x in symbols.items()]
+    letters = {s: sp.Symbol(name, commutative=False) for s, name in called.items()}
+    entries = sp.sstr(shown.xreplace(letters), sympy_integers=True)
     return "\n".join(
-        ["from sympy import *", *symbols, f"{re.sub(r'[^0-9A-Za-z_]', '_', m.name)} = {entries}"]
+        ["from sympy import *", *declared, f"{re.sub(r'[^0-9A-Za-z_]', '_', m.name)} = {entries}"]
     )
 
 
@@ -188,7 +210,7 @@ def _families(terms: Iterable[Quantity]) -> Iterator[tuple[str, str]]:
 
 def _there(matrices: Iterable[NamedMatrix], used: Mapping[sp.Symbol, sp.Expr]) -> set[sp.Basic]:
     """Return the symbols of matrices and of the terms that they use."""
-    there = set[sp.Basic]().union(*(m.matrix.free_symbols for m in matrices))
+    there = symbols_of(e for m in matrices for e in (m.matrix, m.left) if e is not None)
     return there.union(*(e.free_symbols for e in used.values()))
 
 

@@ -45,9 +45,11 @@ def in_lines(m: NamedMatrix, width: int = WIDTH) -> Iterator[str]:
         yield f"  {matrix.rows} x {matrix.cols}"
         return
     if matrix.shape == (1, 1):
-        whole = pretty(matrix[0, 0]).splitlines()
-        yield from whole if _fits(whole, width) else wrapped(text(matrix[0, 0]), width)
+        whole = pretty(m.equation).splitlines()
+        yield from whole if _fits(whole, width) else wrapped(text(m.equation), width)
         return
+    if m.left is not None:
+        yield from (*wrapped(f"{text(m.left)} =", width), "")
     forms = pretty_entries(matrix)
     labels = m.rows if matrix.rows > 1 else ()
     beside = max(map(columns, labels), default=0)

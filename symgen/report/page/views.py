@@ -91,14 +91,13 @@ def matrix_view(matrix: NamedMatrix) -> MatrixView:
             if room < 0:
                 break
             entries.append(EntryView(_place(matrix, *place), _entry(m[place], length)))
-    alone = m.shape == (1, 1)
     copied = sum(texts.values()) <= _LIST
     return MatrixView(
         name=matrix.name,
         about=matrix.description,
         unit=matrix.unit,
-        shape=f"{m.rows} × {m.cols}",
-        math=_math(m[0, 0] if alone else m) if whole else Markup(),
+        shape="" if matrix.in_letters else f"{m.rows} × {m.cols}",
+        math=_math(replace(matrix, matrix=m).equation) if whole else Markup(),
         pattern=None if whole or min(m.shape) == 1 else MatrixPattern(m.rows, m.cols, tuple(texts)),
         entries=tuple(entries),
         more=0 if whole else len(texts) - len(entries),
