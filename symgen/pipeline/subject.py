@@ -37,7 +37,8 @@ from symgen.scene.resolve import resolve
 from symgen.scene.rods.letters import derived_in_letters
 from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.derivative import derivative
-from symgen.symbolic.system import DerivedMatrix, Export, Matrices, NamedMatrix, SaddlePoint, Step, System
+from symgen.symbolic.notation import DerivedMatrix
+from symgen.symbolic.system import Export, Matrices, NamedMatrix, SaddlePoint, Step, System
 
 #: Name that selects the derivation record instead of a matrix.
 RECORD = "derivation"

@@ -334,3 +334,22 @@ class _MathML(_Ordered, MathMLPresentationPrinter):
 
 def _parsed(text: str) -> Any:
     return parseString(text).documentElement  # noqa: S318 - of text made here alone
+
+
+class DerivedMatrix(sp.ImmutableMatrix):
+    """A SymPy matrix that notebooks show in the notation of symgen."""
+
+    @classmethod
+    def of(cls, matrix: sp.ImmutableMatrix) -> DerivedMatrix:
+        """Return a matrix as one of this class, which its constructor does not."""
+        return cls._fromrep(matrix._rep)
+
+    def _repr_latex_(self) -> str:
+        return f"$\\displaystyle {latex(self)}$"
+
+
+class DerivedEquation(sp.Equality):
+    """A SymPy equation that notebooks show in the notation of symgen."""
+
+    def _repr_latex_(self) -> str:
+        return f"$\\displaystyle {latex(self)}$"

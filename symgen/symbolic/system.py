@@ -58,6 +58,8 @@ class NamedMatrix:
     @property
     def equation(self) -> sp.Basic:
         """The matrix, or the entry of one with a single entry; where there is a left side, the equation."""
+        from symgen.symbolic.notation import DerivedEquation
+
         right = self.matrix[0, 0] if self.matrix.shape == (1, 1) else self.matrix
         return right if self.left is None else DerivedEquation(self.left, right, evaluate=False)
 
@@ -347,29 +349,6 @@ class System:
         for definition in self.definitions:
             values[definition.quantity.symbol] = definition.expression.xreplace(values)
         return self[name].matrix.xreplace(values)
-
-
-class DerivedMatrix(sp.ImmutableMatrix):
-    """A SymPy matrix that notebooks show in the notation of symgen."""
-
-    @classmethod
-    def of(cls, matrix: sp.ImmutableMatrix) -> DerivedMatrix:
-        """Return a matrix as one of this class, which its constructor does not."""
-        return cls._fromrep(matrix._rep)
-
-    def _repr_latex_(self) -> str:
-        from symgen.symbolic.notation import latex
-
-        return f"$\\displaystyle {latex(self)}$"
-
-
-class DerivedEquation(sp.Equality):
-    """A SymPy equation that notebooks show in the notation of symgen."""
-
-    def _repr_latex_(self) -> str:
-        from symgen.symbolic.notation import latex
-
-        return f"$\\displaystyle {latex(self)}$"
 
 
 class Matrices(dict[str, sp.ImmutableMatrix]):
