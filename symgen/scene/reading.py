@@ -50,8 +50,6 @@ class Values:
         self._angles: dict[str, tuple[sp.Expr, Dimension]] = {}
         #: Values over tunable parameters whose sign is checked again at other values of these.
         self.limits: list[Limit] = []
-        #: Lines of links by place and length, which are read once.
-        self.lines: dict[tuple[str, sp.Expr, bool], Any] = {}
         #: Values in the names of the scene, by text and dimension: several links have the same section.
         self.parsed: dict[tuple[str | int | float, Dimension], sp.Expr] = {}
         #: Reads the same texts with symbols for the constants.

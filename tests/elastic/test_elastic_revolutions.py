@@ -51,6 +51,17 @@ def test_angles_in_loads_count_revolutions():
         model.periodic()
 
 
+def test_loads_that_repeat_are_found_for_runs_in_float32():
+    """In that type no angle is the same one revolution later."""
+    found, expected = (
+        symgen.build("elastic_slider_crank", precision=p).periodic(at=[0.1, 2.0])["rod.stress"].values
+        for p in ("float32", "float64")
+    )
+    assert found == pytest.approx(expected, rel=1e-4)
+    with pytest.raises(ModelError, match="no revolution repeats"):
+        symgen.build(_elastic_drag_link("k*crank.angle"), precision="float32").periodic()
+
+
 def test_motor_torques_count_revolutions():
     """I theta'' = k (9 - theta) of a stiff crank with its flywheel, up to three revolutions."""
     scene: dict = {

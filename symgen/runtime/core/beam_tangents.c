@@ -166,6 +166,6 @@ size_t beams_carry(struct beams *b, struct beam_tangents *x, void *memory) {
         ARENA_ARRAY(x->right, m),
     };
     if (memory != NULL)
-        b->tangents = x, b->tangent = &behaviour;
+        b->tangents = x, b->tangent = &behaviour, x->known = 0;
     return ARENA_PLACE(arrays, memory);
 }

@@ -175,9 +175,10 @@ def check_repeats(motion: ElasticMotion, equations: _beams.BeamEquations) -> Non
     # Not at the start itself, where loads may jump.
     times = motion.period * (np.arange(_POSES) + 1 / np.e) / _POSES
     both = []
-    for outputs in ([equations.motion.evaluate(t) for t in times + late] for late in (0.0, motion.period)):
+    moved = motion.moved() if motion.rigid.typed else equations.motion  # in doubles
+    for outputs in ([moved.evaluate(t) for t in times + late] for late in (0.0, motion.period)):
         for status, *_ in outputs:
-            motion.check(equations, status, equations.motion.t)
+            motion.check(equations, status, moved.t)
         both.append([np.array(part) for part in zip(*(rest for _, _, *rest in outputs), strict=True)])
     for now, later in zip(*both, strict=True):
         size = np.abs(now)

@@ -61,20 +61,11 @@ def is_line(link: Link) -> bool:
 def line(read: Reader, link: Link, length: sp.Expr, where: str, in_space: bool = False) -> LineDensity:
     """Return the properties of a rod along its line; ``in_space`` a rectangle has the direction of its width.
 
-    They are read once for each length, since the rigid link and its elements need them.
-
     Raises
     ------
     SceneError
         When section and mass are missing, given twice, or contradict each other.
     """
-    known = where, length, in_space
-    if known not in read.lines:
-        read.lines[known] = _read_line(read, link, length, where, in_space)
-    return read.lines[known]
-
-
-def _read_line(read: Reader, link: Link, length: sp.Expr, where: str, in_space: bool) -> LineDensity:
     for key in ("centre", "inertia"):
         if getattr(link, key) is not None:
             raise SceneError(
