@@ -130,7 +130,7 @@ def motion_system(linkage: Linkage) -> System:
             loads.append([ZERO if w in omitted else x for w, x in zip(APPLIED, row, strict=True)])
         matrices.append(_table(model, "loads", loads, "N or N/m", APPLIED))
         exports.append(Export("loads", "forces along elastic links", ("loads",)))
-    energies = [_energies(model, linkage, k, moving[k.link]) for k in linkage.elastic]
+    energies = [_energies(linkage, k, moving[k.link]) for k in linkage.elastic]
     matrices.append(_table(model, "energies", energies, "1, SI", ENERGIES, of_links))
     of_energies = ["energies"]
     if crank and crank.mode == "motor" and crank.link in moving:
@@ -252,9 +252,7 @@ def _motion(model: RodsModel, beam: ElasticLink, names: Names) -> dict[sp.Symbol
     return frame
 
 
-def _energies(
-    model: RodsModel, linkage: Linkage, beam: ElasticLink, motion: Mapping[sp.Symbol, sp.Expr]
-) -> list[sp.Expr]:
+def _energies(linkage: Linkage, beam: ElasticLink, motion: Mapping[sp.Symbol, sp.Expr]) -> list[sp.Expr]:
     """Return a row of ``ENERGIES``."""
     hidden, shown = apart(linkage, motion)
     masses = [tuple(map(hidden, lump)) for link, *lump in lumps(linkage) if link == beam.link]

@@ -109,7 +109,7 @@ def _motion(model: LoopDerivation, forces: bool) -> tuple[list[NamedMatrix], lis
         matrices.append(
             named(
                 "inputs",
-                sp.Matrix([row for v in inputs for row in [_jet(model, v.motion)]]),
+                sp.Matrix([row for v in inputs for row in [_jet(v.motion)]]),
                 ", ".join(x.unit for v in inputs for x in (v.quantity, v.rate, v.acceleration)),
                 "prescribed motions: value, rate, acceleration",
                 [v.name for v in inputs],
@@ -168,7 +168,7 @@ def _switches(loop: Loop) -> NamedMatrix | None:
     return named("switches", gaps, "1", about, [s.branch.name for s in loop.switches])
 
 
-def _jet(model: LoopDerivation, motion: sp.Expr) -> list[sp.Expr]:
+def _jet(motion: sp.Expr) -> list[sp.Expr]:
     """Return value, rate and acceleration of a prescribed motion."""
     t = TIME.symbol
     rate = sp.diff(motion, t)

@@ -143,7 +143,7 @@ def torque(crank: str, values: Array) -> Variable:
     )
 
 
-def accelerations_of(motion: ElasticMotion, equations: BeamEquations, run: RunMotion) -> Array:
+def accelerations_of(equations: BeamEquations, run: RunMotion) -> Array:
     """Return S'' at the times, (times, unknowns)."""
     accelerations = np.zeros_like(run.displacements)
     if run.rates is not None:

@@ -149,7 +149,7 @@ def run(
     raise_failure()
     result = _result(system, stepper, wall)
     if status != _core.DONE:
-        raise SimulationError(_problem(status, stepper, system, chosen), time=stepper.t, partial=result)
+        raise SimulationError(_problem(status, stepper, chosen), time=stepper.t, partial=result)
     return result
 
 
@@ -162,7 +162,7 @@ def _result(system: _System, stepper: _core.Run, wall: float) -> ChainRun:
     return ChainRun(stepper.sampled.copy(), positions, velocities, energy, stepper.position_drift, statistics)
 
 
-def _problem(status: int, stepper: _core.Run, system: _System, chosen: Options) -> str:
+def _problem(status: int, stepper: _core.Run, chosen: Options) -> str:
     """Return the message for a run that ended with this status."""
     at = f"at t = {stepper.t:.9g} s after {stepper.steps} steps"
     if status == OUT_OF_TIME:

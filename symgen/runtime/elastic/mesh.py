@@ -193,7 +193,7 @@ def chosen(motion: ElasticMotion, k: int, info: BeamInfo, properties: Properties
 
     def response(info: BeamInfo) -> tuple[Array, Array]:
         full = beam(replace(info, reduction="", modes=0), replace(properties, ratio=0.0), lumps, profiles)
-        return _alone(motion, k, full, poses, places)
+        return _alone(motion, full, poses, places)
 
     count, before = 1, response(coarse)
     while count < _MOST_ELEMENTS:
@@ -231,7 +231,7 @@ def _loads_of_poses(motion: ElasticMotion, k: int) -> tuple[Array, Array]:
 
 
 def _alone(
-    motion: ElasticMotion, k: int, plain: Beam, poses: tuple[Array, Array], places: Sequence[float]
+    motion: ElasticMotion, plain: Beam, poses: tuple[Array, Array], places: Sequence[float]
 ) -> tuple[Array, Array]:
     """Return stresses (poses, stations) in the outer fibre and the lowest frequencies of a link alone."""
     from scipy.linalg import eigh

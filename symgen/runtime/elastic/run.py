@@ -267,7 +267,7 @@ class _Recorded:
     def _acting(self) -> tuple[Array, ElasticForces]:
         """Return the accelerations and the forces."""
         whole = self._moved[1]
-        accelerations = accelerations_of(self.motion, self.equations, whole)
+        accelerations = accelerations_of(self.equations, whole)
         return accelerations, forces(self.motion, self.equations, whole, accelerations)
 
     @Once
@@ -321,7 +321,7 @@ class _Recorded:
             *([] if self.spent else _of_speed(motion)),
             *_of_motor(motion, task),
             *_of_stability(self.states),
-            *_of_steps(motion, task, self.states),
+            *_of_steps(task, self.states),
             *d.remarks,
             *of_crank(motion, whole),
             *of_reductions(motion),
@@ -363,7 +363,7 @@ def _of_motor(motion: ElasticMotion, task: Task) -> list[str]:
     return [f"mean speed of the crank with its motor in the steady state: {60.0 / motion.period:.6g} rpm"]
 
 
-def _of_steps(motion: ElasticMotion, task: Task, states: Solution) -> list[str]:
+def _of_steps(task: Task, states: Solution) -> list[str]:
     """Report steps that were added to those requested: every recorded time ends one."""
     if (
         task.steps is None

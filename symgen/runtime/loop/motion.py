@@ -76,7 +76,7 @@ def run(
         mark = mark_of(kernels, library, equations, chosen, begin.t, y0, *more)
         checkpoints = RunCheckpoints(stepper, mark, keeping)
     status, wall = drive(stepper, begin.t, chosen, progress, checkpoints)
-    result = _recorded(kernels, equations, begin, stepper, chosen, wall)
+    result = _recorded(kernels, equations, stepper, chosen, wall)
     if status == _core.DONE:
         return result
     cause = problem(kernels, stepper, chosen, status)
@@ -104,7 +104,6 @@ def rates_at(kernels: LoopKernels, begin: Closed, prescribed: Array) -> Array:
 def _recorded(
     kernels: LoopKernels,
     equations: _loop.LoopEquations,
-    begin: Closed,
     stepper: _core.Run,
     chosen: Options,
     wall: float,

@@ -75,7 +75,7 @@ class LoopReader(Values):
         for name, text in self.loop.inputs.items():
             where = f"loop.inputs.{name}"
             self._check_name(name, where)
-            dim = self._dimension(name, text, where, names)
+            dim = self._dimension(text, where, names)
             motion = self.value(text, dim, where, names)
             self.moving(motion, where)
             if not self.named and not motion.has(TIME.symbol):
@@ -95,7 +95,7 @@ class LoopReader(Values):
                     f"{name} is an input, whose motion is prescribed, and cannot be free as well", where=where
                 )
             self._check_name(name, where)
-            dim = self._dimension(name, table.at, f"{where}.at", self.names)
+            dim = self._dimension(table.at, f"{where}.at", self.names)
             self.named[name] = NamedVariable(
                 name,
                 dim,
@@ -130,7 +130,7 @@ class LoopReader(Values):
                     f"{name!r} is {noun} already", where=where, hint="Choose another name for the variable."
                 )
 
-    def _dimension(self, name: str, text: str | int | float, where: str, names: Names) -> Dimension:
+    def _dimension(self, text: str | int | float, where: str, names: Names) -> Dimension:
         """Return whether a value is an angle or a length: nothing else is a joint variable."""
         with at(where):
             _, dim = parse_any(text, names)

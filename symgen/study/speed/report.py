@@ -19,7 +19,7 @@ def print_work_precision(measurement: WorkPrecision, console: Console) -> None:
     error = f"error at end [{measurement.unit}]"
     about = f"{measurement.title}: to t = {measurement.t_end:g} s, {measurement.samples} samples"
     head = ("method", "setting", error, "largest", "best", "median", "steps", "evaluations")
-    console.print(table(about, head, (_row(p, measurement) for p in measurement.points)))
+    console.print(table(about, head, map(_row, measurement.points)))
     columns = ("method", "order seen", "by theory", "over steps", "within 0.2")
     console.print(table("Order of convergence, at fixed steps", columns, map(_of_order, measurement.orders)))
     console.print(f"Error: {measurement.measured}. Times are those of the whole call, result included, warm.")
@@ -29,7 +29,7 @@ def print_work_precision(measurement: WorkPrecision, console: Console) -> None:
     print_notes(measurement.notes, console)
 
 
-def _row(p: WorkPrecisionPoint, measurement: WorkPrecision) -> tuple[str, ...]:
+def _row(p: WorkPrecisionPoint) -> tuple[str, ...]:
     mark = "" if p.resolved else "~"
     errors = (f"{mark}{p.end:.1e}", f"{mark}{p.along:.1e}")
     times = (seconds(p.best), seconds(p.median))
