@@ -81,10 +81,10 @@ void element_beam8_geometric(const double *SYMGEN_RESTRICT t, const double *SYMG
 
 /* loads of the rigid motion
  *   100 operations (32 add, 68 mul, 3 neg)
- *   out[0..7]  load_x (8 x 1), row by row  [kg; *m per angle, *m^2 per curvature]  E: times -ax
- *   out[8..15]  load_y (8 x 1), row by row  [kg; *m per angle, *m^2 per curvature]  G: times -ay
- *   out[16..23]  load_out (8 x 1), row by row  [kg*m; *m per angle, *m^2 per curvature]  N: times omega^2
- *   out[24..31]  load_turn (8 x 1), row by row  [kg*m; *m per angle, *m^2 per curvature]  L: times -omega'
+ *   out[0..7]  load_x (8 x 1), row by row  [kg; *m per angle, *m^2 per curvature]  (E): inertia of an acceleration along the link, times -ax
+ *   out[8..15]  load_y (8 x 1), row by row  [kg; *m per angle, *m^2 per curvature]  (G): inertia of an acceleration across the link, times -ay
+ *   out[16..23]  load_out (8 x 1), row by row  [kg*m; *m per angle, *m^2 per curvature]  (N): centrifugal force, times omega^2
+ *   out[24..31]  load_turn (8 x 1), row by row  [kg*m; *m per angle, *m^2 per curvature]  (L): inertia of an angular acceleration, times -omega'
  */
 void element_beam8_load(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
 

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_beam8_tangents_equations[65] = "e6196c9fa12e9383ba8fbb56d05dbe2ed1ea7fc6da30a4ad4a9fa0c4d3e08bfe";
+const char element_beam8_tangents_equations[65] = "7c6b12d8aa0b4147375c2d9574e85f558958d339e86b0925f9e05d84b3f34fed";
 
 /* tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 389 operations (122 add, 267 mul, 5 neg) */
 void element_beam8_tangents_mass_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -188,10 +188,10 @@ def load(t=None, q=None, u=None, p=None, work=None, out=None):
         20 entries.
     out
         36 entries, made when absent.
-        0 to 8: load_x (9 x 1) [kg; *m per angle, *m^2 per curvature], E: times -ax.
-        9 to 17: load_y (9 x 1) [kg; *m per angle, *m^2 per curvature], G: times -ay.
-        18 to 26: load_out (9 x 1) [kg*m; *m per angle, *m^2 per curvature], N: times omega^2.
-        27 to 35: load_turn (9 x 1) [kg*m; *m per angle, *m^2 per curvature], L: times -omega'.
+        0 to 8: load_x (9 x 1) [kg; *m per angle, *m^2 per curvature], (E): inertia of an acceleration along the link, times -ax.
+        9 to 17: load_y (9 x 1) [kg; *m per angle, *m^2 per curvature], (G): inertia of an acceleration across the link, times -ay.
+        18 to 26: load_out (9 x 1) [kg*m; *m per angle, *m^2 per curvature], (N): centrifugal force, times omega^2.
+        27 to 35: load_turn (9 x 1) [kg*m; *m per angle, *m^2 per curvature], (L): inertia of an angular acceleration, times -omega'.
 
     Returns
     -------

@@ -199,10 +199,10 @@ def load_tangent(t=None, q=None, u=None, p=None, work=None, out=None):
         21 entries.
     out
         36 entries, made when absent.
-        0 to 8: load_x_tangent (9 x 1) [kg; *m per angle, *m^2 per curvature], tangent of E: times -ax.
-        9 to 17: load_y_tangent (9 x 1) [kg; *m per angle, *m^2 per curvature], tangent of G: times -ay.
-        18 to 26: load_out_tangent (9 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of N: times omega^2.
-        27 to 35: load_turn_tangent (9 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of L: times -omega'.
+        0 to 8: load_x_tangent (9 x 1) [kg; *m per angle, *m^2 per curvature], tangent of (E): inertia of an acceleration along the link, times -ax.
+        9 to 17: load_y_tangent (9 x 1) [kg; *m per angle, *m^2 per curvature], tangent of (G): inertia of an acceleration across the link, times -ay.
+        18 to 26: load_out_tangent (9 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of (N): centrifugal force, times omega^2.
+        27 to 35: load_turn_tangent (9 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of (L): inertia of an angular acceleration, times -omega'.
 
     Returns
     -------

@@ -188,10 +188,10 @@ def load(t=None, q=None, u=None, p=None, work=None, out=None):
         20 entries.
     out
         24 entries, made when absent.
-        0 to 5: load_x (6 x 1) [kg; *m per angle, *m^2 per curvature], E: times -ax.
-        6 to 11: load_y (6 x 1) [kg; *m per angle, *m^2 per curvature], G: times -ay.
-        12 to 17: load_out (6 x 1) [kg*m; *m per angle, *m^2 per curvature], N: times omega^2.
-        18 to 23: load_turn (6 x 1) [kg*m; *m per angle, *m^2 per curvature], L: times -omega'.
+        0 to 5: load_x (6 x 1) [kg; *m per angle, *m^2 per curvature], (E): inertia of an acceleration along the link, times -ax.
+        6 to 11: load_y (6 x 1) [kg; *m per angle, *m^2 per curvature], (G): inertia of an acceleration across the link, times -ay.
+        12 to 17: load_out (6 x 1) [kg*m; *m per angle, *m^2 per curvature], (N): centrifugal force, times omega^2.
+        18 to 23: load_turn (6 x 1) [kg*m; *m per angle, *m^2 per curvature], (L): inertia of an angular acceleration, times -omega'.
 
     Returns
     -------

@@ -72,10 +72,10 @@ void element_cubic_geometric(const double *SYMGEN_RESTRICT t, const double *SYMG
 
 /* loads of the rigid motion
  *   74 operations (24 add, 50 mul, 2 neg)
- *   out[0..5]  load_x (6 x 1), row by row  [kg; *m per angle, *m^2 per curvature]  E: times -ax
- *   out[6..11]  load_y (6 x 1), row by row  [kg; *m per angle, *m^2 per curvature]  G: times -ay
- *   out[12..17]  load_out (6 x 1), row by row  [kg*m; *m per angle, *m^2 per curvature]  N: times omega^2
- *   out[18..23]  load_turn (6 x 1), row by row  [kg*m; *m per angle, *m^2 per curvature]  L: times -omega'
+ *   out[0..5]  load_x (6 x 1), row by row  [kg; *m per angle, *m^2 per curvature]  (E): inertia of an acceleration along the link, times -ax
+ *   out[6..11]  load_y (6 x 1), row by row  [kg; *m per angle, *m^2 per curvature]  (G): inertia of an acceleration across the link, times -ay
+ *   out[12..17]  load_out (6 x 1), row by row  [kg*m; *m per angle, *m^2 per curvature]  (N): centrifugal force, times omega^2
+ *   out[18..23]  load_turn (6 x 1), row by row  [kg*m; *m per angle, *m^2 per curvature]  (L): inertia of an angular acceleration, times -omega'
  */
 void element_cubic_load(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
 

@@ -199,10 +199,10 @@ def load_tangent(t=None, q=None, u=None, p=None, work=None, out=None):
         21 entries.
     out
         24 entries, made when absent.
-        0 to 5: load_x_tangent (6 x 1) [kg; *m per angle, *m^2 per curvature], tangent of E: times -ax.
-        6 to 11: load_y_tangent (6 x 1) [kg; *m per angle, *m^2 per curvature], tangent of G: times -ay.
-        12 to 17: load_out_tangent (6 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of N: times omega^2.
-        18 to 23: load_turn_tangent (6 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of L: times -omega'.
+        0 to 5: load_x_tangent (6 x 1) [kg; *m per angle, *m^2 per curvature], tangent of (E): inertia of an acceleration along the link, times -ax.
+        6 to 11: load_y_tangent (6 x 1) [kg; *m per angle, *m^2 per curvature], tangent of (G): inertia of an acceleration across the link, times -ay.
+        12 to 17: load_out_tangent (6 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of (N): centrifugal force, times omega^2.
+        18 to 23: load_turn_tangent (6 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of (L): inertia of an angular acceleration, times -omega'.
 
     Returns
     -------

@@ -188,10 +188,10 @@ def load(t=None, q=None, u=None, p=None, work=None, out=None):
         20 entries.
     out
         32 entries, made when absent.
-        0 to 7: load_x (8 x 1) [kg; *m per angle, *m^2 per curvature], E: times -ax.
-        8 to 15: load_y (8 x 1) [kg; *m per angle, *m^2 per curvature], G: times -ay.
-        16 to 23: load_out (8 x 1) [kg*m; *m per angle, *m^2 per curvature], N: times omega^2.
-        24 to 31: load_turn (8 x 1) [kg*m; *m per angle, *m^2 per curvature], L: times -omega'.
+        0 to 7: load_x (8 x 1) [kg; *m per angle, *m^2 per curvature], (E): inertia of an acceleration along the link, times -ax.
+        8 to 15: load_y (8 x 1) [kg; *m per angle, *m^2 per curvature], (G): inertia of an acceleration across the link, times -ay.
+        16 to 23: load_out (8 x 1) [kg*m; *m per angle, *m^2 per curvature], (N): centrifugal force, times omega^2.
+        24 to 31: load_turn (8 x 1) [kg*m; *m per angle, *m^2 per curvature], (L): inertia of an angular acceleration, times -omega'.
 
     Returns
     -------

@@ -199,10 +199,10 @@ def load_tangent(t=None, q=None, u=None, p=None, work=None, out=None):
         21 entries.
     out
         32 entries, made when absent.
-        0 to 7: load_x_tangent (8 x 1) [kg; *m per angle, *m^2 per curvature], tangent of E: times -ax.
-        8 to 15: load_y_tangent (8 x 1) [kg; *m per angle, *m^2 per curvature], tangent of G: times -ay.
-        16 to 23: load_out_tangent (8 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of N: times omega^2.
-        24 to 31: load_turn_tangent (8 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of L: times -omega'.
+        0 to 7: load_x_tangent (8 x 1) [kg; *m per angle, *m^2 per curvature], tangent of (E): inertia of an acceleration along the link, times -ax.
+        8 to 15: load_y_tangent (8 x 1) [kg; *m per angle, *m^2 per curvature], tangent of (G): inertia of an acceleration across the link, times -ay.
+        16 to 23: load_out_tangent (8 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of (N): centrifugal force, times omega^2.
+        24 to 31: load_turn_tangent (8 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of (L): inertia of an angular acceleration, times -omega'.
 
     Returns
     -------

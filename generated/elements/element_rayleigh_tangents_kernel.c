@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_rayleigh_tangents_equations[65] = "00740937136ec33c853cd07a2349924fc18a72d9855be23ef9558fac9b295a70";
+const char element_rayleigh_tangents_equations[65] = "4f0ffd0b28c305028643361648e622f213efd3463c8faec1201388ee6194ba90";
 
 /* tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 849 operations (308 add, 539 mul, 2 div, 12 neg) */
 void element_rayleigh_tangents_mass_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

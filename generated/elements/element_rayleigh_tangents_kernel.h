@@ -95,10 +95,10 @@ void element_rayleigh_tangents_geometric_tangent(const double *SYMGEN_RESTRICT t
 
 /* tangent of loads of the rigid motion
  *   389 operations (128 add, 261 mul, 5 neg); work: 21
- *   out[0..7]  load_x_tangent (8 x 1), row by row  [kg; *m per angle, *m^2 per curvature]  tangent of E: times -ax
- *   out[8..15]  load_y_tangent (8 x 1), row by row  [kg; *m per angle, *m^2 per curvature]  tangent of G: times -ay
- *   out[16..23]  load_out_tangent (8 x 1), row by row  [kg*m; *m per angle, *m^2 per curvature]  tangent of N: times omega^2
- *   out[24..31]  load_turn_tangent (8 x 1), row by row  [kg*m; *m per angle, *m^2 per curvature]  tangent of L: times -omega'
+ *   out[0..7]  load_x_tangent (8 x 1), row by row  [kg; *m per angle, *m^2 per curvature]  tangent of (E): inertia of an acceleration along the link, times -ax
+ *   out[8..15]  load_y_tangent (8 x 1), row by row  [kg; *m per angle, *m^2 per curvature]  tangent of (G): inertia of an acceleration across the link, times -ay
+ *   out[16..23]  load_out_tangent (8 x 1), row by row  [kg*m; *m per angle, *m^2 per curvature]  tangent of (N): centrifugal force, times omega^2
+ *   out[24..31]  load_turn_tangent (8 x 1), row by row  [kg*m; *m per angle, *m^2 per curvature]  tangent of (L): inertia of an angular acceleration, times -omega'
  */
 void element_rayleigh_tangents_load_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
 

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_timoshenko_equations[65] = "47779c094664c66d9698c94029f91ed149a55eb4ca334ebcd8a51a66edc2fb92";
+const char element_timoshenko_equations[65] = "002da5deba5e7f698651b4f6d9606f61a89c78f937595f347648eec936e2cdcd";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 232 operations (108 add, 123 mul, 1 div, 13 neg) */
 void element_timoshenko_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_timoshenko_tangents_equations[65] = "2b2d4d5e23fd63856dd0055e430d8acd452ec19636607f8601e9bf61baf12173";
+const char element_timoshenko_tangents_equations[65] = "57466ecbfdf97b8c02e249fa558e1f13b6332aa56b3fd41e0f35647593dfd301";
 
 /* tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 566 operations (264 add, 300 mul, 2 div, 27 neg) */
 void element_timoshenko_tangents_mass_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -126,12 +126,13 @@ def _cited(number: Sequence[str], source: str, rows: Sequence[str]) -> _Cited:
     if named := [row for row in rows if row.partition(" ")[0] == own]:
         of_rows = [x for x in others if (at := _place(x, rows)) is None or {*at[0]} & {*named}]
         return _Cited(_ITSELF, "; ".join([whole, *of_rows]), named)
-    best, found, columns = _precision(number, whole), list[str](), list[str]()
+    best, found, columns = (of_whole := _precision(number, whole)), list[str](), list[str]()
     general, cited = [whole], list[str]()
     for text in others:
         at = _place(text, rows)
         if at is None:
             precision = _precision(number, text)
+            of_whole = max(of_whole, precision)
             best = max(best, precision)
             if precision or not _CITED.search(text):
                 general.append(text)
@@ -141,7 +142,9 @@ def _cited(number: Sequence[str], source: str, rows: Sequence[str]) -> _Cited:
             cited.append(text)
         elif not number[-1]:  # a group, of which these are equations
             best = max(best, precision)
-    return _Cited(_ITSELF, "; ".join([*general, *cited]), found, columns) if found else _Cited(best, source)
+    if found:
+        return _Cited(_ITSELF, "; ".join([*general, *cited]), found, columns)
+    return _Cited(best, "; ".join(general) if of_whole == best == _ITSELF else source)
 
 
 def elsewhere(equation: str) -> str:
@@ -195,7 +198,7 @@ def _place(text: str, rows: Sequence[str]) -> tuple[list[str], list[str], str] |
 def _part(m: NamedMatrix, cited: _Cited) -> NamedMatrix:
     """Return rows, in the order of the matrix, or an entry, with the place in the description; else all."""
     if not cited.rows:
-        return m
+        return replace(m, source=cited.source)
     rows = sorted({*cited.rows}, key=m.rows.index)
     place = _rows(rows)
     if cited.columns:

@@ -102,7 +102,15 @@ def _of_element(element: Element) -> Iterator[NamedMatrix]:
         yield NamedMatrix(name, matrix, entry_unit("m"), about, names, names, source=f"thesis {source}")
     about = "T of S = T s: displacements in the link's axes, s, to those in fixed axes, S"
     turned = transformation(element)
-    yield NamedMatrix("transformation", turned, "1", about, names, names, source="thesis (E.1)-(E.7)")
+    yield NamedMatrix(
+        "transformation",
+        turned,
+        "1",
+        about,
+        names,
+        names,
+        source="thesis (E.1)-(E.7); (E.9), (E.14): its transpose",
+    )
 
 
 def _fields(

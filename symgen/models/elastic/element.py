@@ -155,10 +155,19 @@ def _matrices(element: Element, matrices: BeamMatrices) -> Iterator[tuple[str, s
         "load",
         "loads of the rigid motion",
         (
-            column("load_x", matrices.load_x, "kg", "E: times -ax"),
-            column("load_y", matrices.load_y, "kg", "G: times -ay"),
-            column("load_out", matrices.load_out, "kg*m", "N: times omega^2"),
-            column("load_turn", matrices.load_turn, "kg*m", "L: times -omega'"),
+            column(
+                "load_x", matrices.load_x, "kg", "(E): inertia of an acceleration along the link, times -ax"
+            ),
+            column(
+                "load_y", matrices.load_y, "kg", "(G): inertia of an acceleration across the link, times -ay"
+            ),
+            column("load_out", matrices.load_out, "kg*m", "(N): centrifugal force, times omega^2"),
+            column(
+                "load_turn",
+                matrices.load_turn,
+                "kg*m",
+                "(L): inertia of an angular acceleration, times -omega'",
+            ),
         ),
     )
     rows = shape_rows(element)

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 import sympy as sp
 
 from symgen.errors import ModelError, check_known
+from symgen.report.mathematics.dimensions import in_own_units
 from symgen.report.mathematics.layout import WIDTH, columns, defined, heading, in_lines, wrapped
 from symgen.report.mathematics.lowered import in_c, in_shared_terms
 from symgen.report.mathematics.numbers import in_numbers, value_of
@@ -70,6 +71,7 @@ def show(
         If the format does not exist, or values are missing for the numeric format.
     """
     check_form(form)
+    matrices = [in_own_units(m, system.quantities()) for m in matrices]
     if form == "unicode":
         return _as_text(system, matrices, width)
     if form == "latex":
