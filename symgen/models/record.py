@@ -333,7 +333,7 @@ def elastic_record(of_element: System | None = None) -> tuple[Step, ...]:
         (element_equations(), "thesis, Eqs. (6.13)-(7.28)"),
         (condensed_equations(), "thesis, Eqs. (E.22)-(E.29)"),
     )
-    about = "The equations as the thesis prints them, with the matrices that the letters stand for."
+    about = "The equations as the thesis prints them; symgen show lists the matrix of each letter below them."
     return (
         *steps,
         *(Step(x.title, about, source, x, tuple(m.name for m in x.matrices)) for x, source in letters),

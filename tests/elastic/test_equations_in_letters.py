@@ -19,6 +19,7 @@ from symgen.inspection.state import state_of
 from symgen.pipeline.build import build_scene
 from symgen.pipeline.subject import Subject
 from symgen.report.mathematics.equations import in_python
+from symgen.report.page.views import symbols
 from symgen.symbolic.notation import latex, mathml, text
 
 X, TIME = sp.symbols("x tau", real=True)
@@ -283,6 +284,13 @@ def test_scenes_lead_to_the_equations_without_settings():
     assert "= [T] ⋅(Q)" in shown and "symgen show SCENE elastic_mass" in shown
     assert "T = 1/2⋅m⋅(L⋅ẋ₁²" in shown_by("thesis_four_bar", "6.13")
     assert "[T]ᵀ⋅(Q) =" in shown_by("thesis_rig", "E.29")
+
+
+def test_pages_list_a_letter_of_each_system():
+    """[M] is a matrix of an element, and that of the linkage in the condensed equations."""
+    tables = symbols([step.system for step in BEAM.record])
+    about = {x.about for table in tables.values() for x in table if x.name == "[M]"}
+    assert {x.rpartition(" ")[2] for x in about} == {"M", "elastic_mass"}
 
 
 @pytest.mark.parametrize("form", ["c", "shared", "numeric"])

@@ -108,7 +108,7 @@ def condensed_equations() -> System:
 
 
 def _system(name: str, title: str, letters: tuple[Quantity, ...], equations: Iterable[NamedMatrix]) -> System:
-    group = Group("letters", "letters of vectors and matrices", letters)
+    group = Group("letters", title, letters)
     return System(name, title, (group,), tuple(equations), (), references=(THESIS,))
 
 

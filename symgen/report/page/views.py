@@ -135,13 +135,17 @@ def _math(expression: sp.Basic | sp.MatrixBase) -> Markup:
 
 
 def symbols(systems: Sequence[System]) -> dict[str, tuple[SymbolView, ...]]:
-    """Return every argument of the systems once, by group, and the constants with their values."""
+    """Return every argument of the systems once, by group, and the constants with their values.
+
+    A letter of a whole vector or matrix may stand for another one in another system.
+    """
     views: dict[str, tuple[SymbolView, ...]] = {}
     known: set[str] = set()
     for system in systems:
         for group in system.groups:
-            new = [x for x in group.quantities if x.name not in known]
-            known |= {x.name for x in new}
+            names = {x: x.name if x.symbol.is_commutative else x.description for x in group.quantities}
+            new = [x for x, name in names.items() if name not in known]
+            known |= {names[x] for x in new}
             if new:
                 head = f"{group.name}: {group.description}"
                 views[head] = (*views.get(head, ()), *map(_symbol, new))
