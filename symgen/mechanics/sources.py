@@ -19,8 +19,8 @@ Sources = tuple[tuple[str, str], ...]
 ROD: Sources = (
     ("particle_masses", "Attia, section 2.1"),
     ("particle_conditions", "Attia, section 2.1"),
-    ("end_masses", "Attia (6): row sums are its coefficients"),
-    ("mass_matrix", "Attia (6): row sums are its coefficients"),
+    ("end_masses", "Attia, section 2.2: row sums are the coefficients of linear_momentum"),
+    ("mass_matrix", "Attia, section 2.2: row sums are the coefficients of linear_momentum"),
     ("particle_momentum", "Attia (1)"),
     ("particle_moment", "Attia (2)"),
     ("middle_position", "Attia (3b)"),
@@ -30,12 +30,15 @@ ROD: Sources = (
     ("angular_momentum", "Attia (7)"),
     (
         "projected_momentum",
-        "Attia, section 2.2, corrected; u_bar (8a), printed as (1); u_hat (8b), printed as (2)",
+        "Attia, section 2.2, corrected: theta in the quadrant of the rod; u_bar (8a), printed as (1); "
+        "u_hat (8b), printed as (2)",
     ),
-    ("constraint", "Attia (3a), halved: its gradient is d"),
-    ("constraint_jacobian", "Attia (5a), coefficients of its left side"),
+    ("distance", "Attia (3a)"),
+    ("constraint", "half of distance"),
     ("velocity_constraint", "Attia (4a)"),
-    ("acceleration_rhs", "Attia (5a), right side"),
+    ("acceleration_constraint", "Attia (5a)"),
+    ("constraint_jacobian", "coefficients of the accelerations in acceleration_constraint"),
+    ("acceleration_rhs", "right side of acceleration_constraint"),
 )
 CHAIN: Sources = (
     ("masses", "Attia (6): row sums are its coefficients"),

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import chain
 
 import sympy as sp
 
-from symgen.mechanics.rods.loads import vector_between
 from symgen.mechanics.rods.particles import (
     EndMass,
     end_mass,
@@ -24,13 +24,15 @@ REFERENCE = "H. A. Attia, Dynamic Analysis of a Chain of Rigid Rods, sections 2.
 
 
 def rod_system(dimension: int) -> System:
-    """Return the system of one rod between the points i and j, in the plane (2) or in space (3)."""
+    """Return the system of one rod with the particles 1, 2 and 3, in the plane (2) or in space (3)."""
     axes = AXES[:dimension]
-    q = [quantity(f"{p}_{a}", "m", f"{a} position of end {p}") for p in "ij" for a in axes]
-    u = [quantity(f"{p}_v{a}", "m/s", f"{a} velocity of end {p}") for p in "ij" for a in axes]
+    (q, u, accelerations), middle = (
+        [_motion(numbers, ending, unit, noun, axes) for ending, unit, noun in _MOTION]
+        for numbers in ((1, 3), (2,))
+    )
     m = quantity("m", "kg", "mass")
     length = quantity("l", "m", "length")
-    centre = quantity("l_c", "m", "centre of mass from end i along the rod")
+    centre = quantity("l_c", "m", "centre of mass from particle 1 along the rod")
     inertia = quantity("I_c", "kg*m^2", "moment of inertia about the centre of mass, across the rod")
     parameters = (m, length, centre, inertia)
     symbols = tuple(x.symbol for x in parameters)
@@ -43,36 +45,32 @@ def rod_system(dimension: int) -> System:
     named = EndMass(*(x.symbol for x in entries))
     start, end = (tuple(x.symbol for x in u[k : k + dimension]) for k in (0, dimension))
     inner, outer = (tuple(x.symbol for x in q[k : k + dimension]) for k in (0, dimension))
-    along = vector_between(calculus, "rod", inner, outer, axes)
+    along = tuple(
+        calculus.define(f"r31_{a}", y - x, "m", f"{a} component of the vector from particle 1 to 3")
+        for a, x, y in zip(axes, inner, outer, strict=True)
+    )
     phi = length_constraint(along, length.symbol)
     block = sp.kronecker_product(
         sp.Matrix([[named.a11, named.a12], [named.a12, named.a22]]), sp.eye(dimension)
     )
     names = tuple(x.name for x in q)
     particles = [quantity(f"m_{k}", "kg", f"mass of the particle {at}") for k, at in _PARTICLES.items()]
-    about_start = quantity("I_o", "kg*m^2", "moment of inertia about end i, across the rod")
-    halves = [quantity(f"r21_{a}", "m", f"{a} component of the vector to the middle") for a in axes]
+    about_start = quantity("I_o", "kg*m^2", "moment of inertia about particle 1, across the rod")
+    halves = [quantity(f"r21_{a}", "m", f"{a} component of the vector from particle 1 to 2") for a in axes]
     of_particles = tuple(x.symbol for x in particles)
     printed = printed_particle_masses(
         m.symbol, length.symbol, centre.symbol, about_start.symbol, of_particles[1:]
     )
-    accelerations = [
-        quantity(f"{p}_a{a}", "m/s^2", f"{a} acceleration of end {p}") for p in "ij" for a in axes
-    ]
-    middle = [
-        quantity(f"k_{letter}{a}", unit, f"{a} {noun} of the middle particle")
-        for letter, unit, noun in _MOTION
-        for a in axes
-    ]
     known = [tuple(x.symbol for x in part) for part in (q, u, accelerations)]
     three = _three_particles(
-        of_particles, known, [x.symbol for x in middle], along, tuple(h.symbol for h in halves)
+        of_particles, known, [x.symbol for x in chain(*middle)], along, tuple(h.symbol for h in halves)
     )
     momenta = _momenta(of_particles, accelerations, along, tuple(x.symbol for x in halves))
     across, projected = _projected(along, length.symbol, momenta[1]) if dimension == 3 else ((), ())
     shown = (
         *_particles(of_particles, about_start.symbol, symbols),
         *three,
+        *_distance(calculus, along, length.symbol, known[2]),
         *momenta,
         *projected,
     )
@@ -88,7 +86,7 @@ def rod_system(dimension: int) -> System:
             True,
         ),
         _matrix("kinetic_energy", [kinetic_energy(named, start, end)], "J", "kinetic energy"),
-        _matrix("constraint", [phi], "m^2", "length constraint (d.d - l^2)/2"),
+        _matrix("constraint", [phi], "m^2", "length constraint, whose gradient is r31"),
         NamedMatrix(
             "constraint_jacobian",
             calculus.jacobian([phi]),
@@ -97,7 +95,7 @@ def rod_system(dimension: int) -> System:
             ("length",),
             names,
         ),
-        _matrix("velocity_constraint", [calculus.rate(phi)], "m^2/s", "rate of the constraint"),
+        _matrix("velocity_constraint", [calculus.rate(phi)], "m^2/s", "rate of the constraint; zero"),
         _matrix(
             "acceleration_rhs",
             [-calculus.rate(calculus.rate(phi))],
@@ -112,7 +110,9 @@ def rod_system(dimension: int) -> System:
             Group("q", "coordinates of the ends", tuple(q)),
             Group("u", "velocities of the ends", tuple(u)),
             Group("p", "parameters", parameters),
-            Group("work", "accelerations of the ends, motion of the middle", (*accelerations, *middle)),
+            Group(
+                "work", "accelerations of the ends, motion of the middle", (*accelerations, *chain(*middle))
+            ),
         ),
         matrices=matrices,
         exports=tuple(Export(x.name, x.description, (x.name,)) for x in matrices[len(shown) :]),
@@ -130,10 +130,23 @@ def rod_system(dimension: int) -> System:
 
 
 #: The particles that stand for a rod.
-_PARTICLES = {1: "at end i", 2: "in the middle", 3: "at end j"}
+_PARTICLES = {1: "1, at one end", 2: "2, in the middle", 3: "3, at the other end"}
 
-#: Letter, unit and noun of a position and its rates.
-_MOTION = (("", "m", "position"), ("v", "m/s", "velocity"), ("a", "m/s^2", "acceleration"))
+#: Ending of the name, unit and noun of a position and its rates.
+_MOTION = (
+    ("", "m", "position"),
+    ("_rate", "m/s", "velocity"),
+    ("_acceleration", "m/s^2", "acceleration"),
+)
+
+
+def _motion(numbers: Iterable[int], ending: str, unit: str, noun: str, axes: Sequence[str]) -> list[Quantity]:
+    """Return positions of particles, or one of their rates."""
+    return [
+        quantity(f"r{k}_{a}{ending}", unit, f"{a} {noun} of particle {_PARTICLES[k]}")
+        for k in numbers
+        for a in axes
+    ]
 
 
 def _particles(
@@ -144,7 +157,7 @@ def _particles(
     three = [m1 + m2 + m3 - m, (m2 / 2 + m3) * length - m * centre, (m2 / 4 + m3) * length**2 - about_start]
     ends = sp.ImmutableMatrix([[m1 + m2 / 4, m2 / 4], [m2 / 4, m3 + m2 / 4]])
     conditions = "mass, first and second moment of the particles, less those of the rod; zero"
-    places, names = ("start", "middle", "end"), ("i", "j")
+    places, names = ("start", "middle", "end"), ("r1", "r3")
     return (
         _matrix("particle_conditions", three, "kg, kg*m, kg*m^2", conditions, ("mass", "first", "second")),
         _matrix(
@@ -163,7 +176,7 @@ def _three_particles(
 ) -> tuple[NamedMatrix, ...]:
     """Return the momenta of all three particles, and the constraint of the middle one with its rates.
 
-    ``ends`` are positions, velocities and accelerations of i and j, ``middle`` those of the middle particle.
+    ``ends`` are positions, velocities and accelerations of particles 1 and 3, ``middle`` those of 2.
     """
     (m1, m2, m3), n = masses, len(along)
     axes = tuple(AXES[:n])
@@ -181,7 +194,7 @@ def _three_particles(
             "particle_moment",
             moments,
             "N*m",
-            f"sum of mass times moment of the acceleration of the particles about end i{before}",
+            f"sum of mass times moment of the acceleration of the particles about particle 1{before}",
             _across(axes),
         ),
     )
@@ -197,13 +210,32 @@ def _three_particles(
     )
 
 
+def _distance(
+    calculus: Calculus, along: Sequence[sp.Expr], length: sp.Expr, accelerations: Sequence[sp.Expr]
+) -> tuple[NamedMatrix, NamedMatrix]:
+    """Return the condition of the distance of the ends, and its second rate, halved."""
+    n = len(along)
+    relative = [b - a for a, b in zip(accelerations[:n], accelerations[n:], strict=True)]
+    squares = [x**2 for x in along]
+    second = [x * a + calculus.rate(x) ** 2 for x, a in zip(along, relative, strict=True)]
+    return (
+        _matrix("distance", [sp.Add(*squares, -(length**2))], "m^2", "squared distance less l^2; zero"),
+        _matrix(
+            "acceleration_constraint",
+            [sp.Add(*second)],
+            "m^2/s^2",
+            "second rate of the constraint; zero",
+        ),
+    )
+
+
 def _momenta(
     masses: Sequence[sp.Expr],
     accelerations: Sequence[Quantity],
     along: Sequence[sp.Expr],
     middle: Sequence[sp.Expr],
 ) -> tuple[NamedMatrix, NamedMatrix]:
-    """Return the rates of the linear momentum and of the moment of momentum about end i.
+    """Return the rates of the linear momentum and of the moment of momentum about particle 1.
 
     The middle particle moves with the mean of the ends (:func:`_three_particles` has it).
     """
@@ -214,7 +246,7 @@ def _momenta(
     weighted = tuple(m3 * x + m2 / 2 * y for x, y in zip(along, middle, strict=True))
     first, second = (_crossed(arm, a) for arm, a in ((middle, inner), (weighted, outer)))
     angular = [m2 / 2 * x + y for x, y in zip(first, second, strict=True)]
-    about = "rate of the moment of momentum about end i: the moment of the forces, G"
+    about = "rate of the moment of momentum about particle 1: the moment of the forces, G_1"
     axes = tuple(AXES[:n])
     return (
         _matrix(
@@ -233,7 +265,7 @@ def _projected(
     rho^2)/(l rho), rho^2 = x^2 + y^2: as printed where x > 0, and across the rod for every x.
     """
     x, y, z = along
-    rho = quantity("rho", "m", "distance of end j from the axis z through end i")
+    rho = quantity("rho", "m", "distance of particle 3 from the axis z through particle 1")
     vectors = {
         "u_bar": (-y / rho.symbol, x / rho.symbol),
         "u_hat": (-x * z / length / rho.symbol, -y * z / length / rho.symbol, rho.symbol / length),
@@ -249,7 +281,7 @@ def _projected(
     sides = defined("G", moment.unit, moment.matrix, f"the {moment.description}")
     units = [defined(name, "1", vector, "a unit vector across the rod") for name, vector in vectors.items()]
     entries = [sp.Add(*(u * g for u, g in zip(unit, sides, strict=False))) for unit in units]
-    about = "rate of the moment of momentum about end i along two unit vectors across the rod"
+    about = "rate of the moment of momentum about particle 1 along two unit vectors across the rod"
     return definitions, (_matrix("projected_momentum", entries, moment.unit, about, tuple(vectors)),)
 
 

@@ -75,6 +75,8 @@ def readable(expression: Expression) -> Expression:
     expression = with_pi(expression)
     sums = ((m, _whole(m)) for m in expression.atoms(sp.Mul) if m.atoms(sp.Add))
     expression = expression.xreplace({m: whole for m, whole in sums if whole is not m})
+    sums = ((a, _over_one(a)) for a in expression.atoms(sp.Add) if a.is_commutative)
+    expression = expression.xreplace({a: joined for a, joined in sums if joined is not a})
     long = {r: sp.Float(r, _SHOWN) for r in expression.atoms(sp.Rational) if len(str(r.q)) > _SHOWN}
     return expression.xreplace(long)
 
@@ -87,6 +89,21 @@ def _whole(product: sp.Expr) -> sp.Expr:
     pairs = [_common(f) if f.is_Add else (sp.S.One, f) for f in product.args]
     numbers, factors = zip(*pairs, strict=True)
     return sp.Mul(sp.Mul(*numbers), *factors) if any(n != 1 for n in numbers) else product
+
+
+def _over_one(total: sp.Expr) -> sp.Expr:
+    """Return a sum with the terms of a denominator over it: r2 - r1/2 - r3/2 is r2 - (r1 + r3)/2."""
+    groups: dict[int, list[sp.Expr]] = {}
+    for term in total.args:
+        number, _ = term.as_coeff_Mul()
+        groups.setdefault(number.q if number.is_Rational else 1, []).append(term)
+    if all(q == 1 or len(terms) == 1 for q, terms in groups.items()):
+        return total
+    parts = groups.pop(1, [])
+    for q, terms in groups.items():
+        number, rest = _common(sp.Add(*(q * term for term in terms)))
+        parts.append(sp.Mul(number / q, rest, evaluate=False) if rest.is_Add else number * rest / q)
+    return sp.Add(*parts)
 
 
 def _common(total: sp.Expr) -> tuple[sp.Expr, sp.Expr]:

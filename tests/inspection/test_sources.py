@@ -61,7 +61,7 @@ def test_every_matrix_states_its_source(name):
         ("rod", "angular_momentum", "Attia (7)"),
         ("four_bar", "constraints", "Attia (3a) halved"),
         ("elastic_slider_crank", "constraints", "Attia (3a) halved; guide_* (16b)"),
-        ("rod_spatial", "acceleration_rhs", "Attia (5a), right side"),
+        ("rod_spatial", "acceleration_constraint", "Attia (5a)"),
         (
             "four_bar",
             "momentum_rows.crank_moment",
@@ -77,7 +77,8 @@ def test_every_matrix_states_its_source(name):
         (
             "rod_spatial",
             "projected_momentum",
-            "Attia, section 2.2, corrected; u_bar (8a), printed as (1); u_hat (8b), printed as (2)",
+            "Attia, section 2.2, corrected: theta in the quadrant of the rod; u_bar (8a), printed as (1); "
+            "u_hat (8b), printed as (2)",
         ),
         ("four_bar", "momentum_rows.crank_length", "Attia (14)"),
         ("four_bar", "momentum_rows.O_momentum", "Attia (15), the masses at a joint are those of both rods"),
@@ -119,8 +120,8 @@ def test_moments_of_a_rod_in_space_are_along_the_unit_vectors_of_the_print(x):
     d = np.array([x, -0.5, 0.7])
     length = np.linalg.norm(d)
     values = {q.symbol: sp.Float(0.1 + 0.37 * i, 30) for i, q in enumerate(system.symbols())}
-    values |= {sp.Symbol(f"i_{a}", real=True): 0 for a in "xyz"}
-    values |= {sp.Symbol(f"j_{a}", real=True): c for a, c in zip("xyz", d, strict=True)}
+    values |= {sp.Symbol(f"r1_{a}", real=True): 0 for a in "xyz"}
+    values |= {sp.Symbol(f"r3_{a}", real=True): c for a, c in zip("xyz", d, strict=True)}
     values[sp.Symbol("l", real=True)] = length
     theta, phi = np.arctan2(d[1], d[0]), np.arctan(d[2] / np.hypot(d[0], d[1]))
     u_bar = [-np.sin(theta), np.cos(theta), 0]
@@ -149,15 +150,21 @@ def test_particles_of_a_rod_are_those_of_the_print(name):
     printed = sp.Matrix([m - middle - end, middle, end]).subs(j, about_start)
     assert (system.expanded("particle_masses") - printed).applyfunc(sp.simplify) == sp.zeros(3, 1)
     assert (printed - sp.Matrix(particle_masses(m, l, c, i))).applyfunc(sp.simplify) == sp.zeros(3, 1)
-    ends = system["mass_matrix"].part(["i_x", "j_x"], ["i_x", "j_x"])
+    ends = system["mass_matrix"].part(["r1_x", "r3_x"], ["r1_x", "r3_x"])
     difference = replace(system, matrices=(ends,), exports=()).expanded("mass_matrix") - system.expanded(
         "end_masses"
     )
     assert difference.applyfunc(sp.simplify) == sp.zeros(2, 2)
-    m1, m2, m3, a, b = (sp.Symbol(x, real=True) for x in ("m_1", "m_2", "m_3", "i_ax", "j_ax"))
+    m1, m2, m3, a, b = (
+        sp.Symbol(x, real=True) for x in ("m_1", "m_2", "m_3", "r1_x_acceleration", "r3_x_acceleration")
+    )
     assert system["linear_momentum"].matrix[0] == (m1 + m2 / 2) * a + (m3 + m2 / 2) * b
     text = call("show", name, "end_masses")
-    assert "Attia (6)" in text and "m₂ = 4⋅(-I_o + l⋅l_c⋅m)/l²" in text and "m₁ = m - m₂ - m₃" in text
+    assert (
+        "row sums are the coefficients" in text
+        and "m₂ = 4⋅(-I_o + l⋅l_c⋅m)/l²" in text
+        and "m₁ = m - m₂ - m₃" in text
+    )
 
 
 @pytest.mark.parametrize("name", ["rod", "rod_spatial"])
@@ -165,11 +172,11 @@ def test_momenta_of_a_rod_are_those_of_its_end_masses(name):
     """Attia (6) and (7), derived of three particles, against M a of the end mass matrix."""
     system = BLOCKS[name]()
     axes = "xy" if name == "rod" else "xyz"
-    a = sp.Matrix([sp.Symbol(f"{p}_a{x}", real=True) for p in "ij" for x in axes])
+    a = sp.Matrix([sp.Symbol(f"r{k}_{x}_acceleration", real=True) for k in (1, 3) for x in axes])
     forces = system.expanded("mass_matrix") * a
     inner, outer = forces[: len(axes), :], forces[len(axes) :, :]
     assert (system.expanded("linear_momentum") - inner - outer).expand() == sp.zeros(len(axes), 1)
-    d = sp.Matrix([sp.Symbol(f"j_{x}", real=True) - sp.Symbol(f"i_{x}", real=True) for x in axes])
+    d = sp.Matrix([sp.Symbol(f"r3_{x}", real=True) - sp.Symbol(f"r1_{x}", real=True) for x in axes])
     turned = d.cross(outer) if len(axes) == 3 else sp.Matrix([d[0] * outer[1] - d[1] * outer[0]])
     assert (system.expanded("angular_momentum") - turned).applyfunc(sp.simplify) == sp.zeros(*turned.shape)
 
@@ -180,11 +187,11 @@ def test_without_the_middle_particle_its_equations_become_those_of_the_ends(name
     system = BLOCKS[name]()
     axes = "xy" if name == "rod" else "xyz"
     ends = {
-        sp.Symbol(f"k_{v}{x}", real=True): (
-            sp.Symbol(f"i_{v}{x}", real=True) + sp.Symbol(f"j_{v}{x}", real=True)
+        sp.Symbol(f"r2_{x}{v}", real=True): (
+            sp.Symbol(f"r1_{x}{v}", real=True) + sp.Symbol(f"r3_{x}{v}", real=True)
         )
         / 2
-        for v in ("", "v", "a")
+        for v in ("", "_rate", "_acceleration")
         for x in axes
     }
     for noun in ("position", "velocity", "acceleration"):
@@ -199,5 +206,27 @@ def test_without_the_middle_particle_its_equations_become_those_of_the_ends(name
         assert difference.applyfunc(sp.simplify) == sp.zeros(*difference.shape)
     shown = {"(1)": "particle_momentum", "(2)": "particle_moment", "(3b)": "middle_position"}
     shown |= {"(4b)": "middle_velocity", "(5b)": "middle_acceleration"}
+    shown |= {"(3a)": "distance", "(4a)": "velocity_constraint", "(5a)": "acceleration_constraint"}
+    shown |= {"(6)": "linear_momentum"}
     for number, matrix in shown.items():
-        assert matrix in [m.name for m in found(subject(name), number)]
+        names = [m.name for m in found(subject(name), number)]
+        assert [x for x in names if x != "projected_momentum"] == [matrix]  # (8a), (8b), printed as (1), (2)
+
+
+@pytest.mark.parametrize("name", ["rod", "rod_spatial"])
+def test_the_distance_of_the_ends_and_its_rates_are_printed(name):
+    """(3a), (4a), (5a): r31.r31 - l^2, r31.r31', r31.(r3'' - r1'') + r31'.r31'."""
+    system = BLOCKS[name]()
+    r1, r3 = (
+        [sp.Matrix([sp.Symbol(f"r{k}_{x}{v}", real=True) for x in ("xyz" if "_" in name else "xy")])
+         for v in ("", "_rate", "_acceleration")]
+        for k in (1, 3)
+    )  # fmt: skip
+    d, v, a = (y - x for x, y in zip(r1, r3, strict=True))
+    length = sp.Symbol("l", real=True)
+    for matrix, printed in (
+        ("distance", d.dot(d) - length**2),
+        ("velocity_constraint", d.dot(v)),
+        ("acceleration_constraint", d.dot(a) + v.dot(v)),
+    ):
+        assert sp.expand(system.expanded(matrix)[0] - printed) == 0

@@ -231,7 +231,7 @@ def test_a_page_has_buttons_that_copy():
     view = matrix_view(subject("rod").system["constraint_jacobian"])
     assert view.python.startswith("from sympy import *\n")
     (tex,) = displays(view.latex)
-    assert "rod_{dx}" in tex or "rod" in tex
+    assert r"r_{\mathrm{31},x}" in tex
     page = render(block_page("rod", progress=lambda _: None))
     assert page.count("data-copy=") >= 2 * len(subject("rod").system.matrices)
     assert "navigator.clipboard" in page and 'data-copy="from sympy import *\n' in page
