@@ -26,7 +26,7 @@ from symgen.scene.loading import SceneText, check_scene, shipped_scenes
 from symgen.symbolic.system import Step, System
 
 #: Most matrices of one step on a page.
-_MATRICES = 20
+_MATRICES = 16
 #: Most shared terms on a page.
 _TERMS = 60
 _KINDS = {"add": "+ −", "mul": "×", "div": "÷", "neg": "sign", "call": "calls"}

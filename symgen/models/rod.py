@@ -87,6 +87,7 @@ def rod_system(dimension: int) -> System:
         ),
         _matrix("kinetic_energy", [kinetic_energy(named, start, end)], "J", "kinetic energy"),
         _matrix("constraint", [phi], "m^2", "length constraint, whose gradient is r31"),
+        _matrix("velocity_constraint", [calculus.rate(phi)], "m^2/s", "rate of the constraint; zero"),
         NamedMatrix(
             "constraint_jacobian",
             calculus.jacobian([phi]),
@@ -95,7 +96,6 @@ def rod_system(dimension: int) -> System:
             ("length",),
             names,
         ),
-        _matrix("velocity_constraint", [calculus.rate(phi)], "m^2/s", "rate of the constraint; zero"),
         _matrix(
             "acceleration_rhs",
             [-calculus.rate(calculus.rate(phi))],
