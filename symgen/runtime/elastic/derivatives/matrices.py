@@ -61,9 +61,6 @@ def assembled(
     for k, link in enumerate(motion.beams):
         (superelement,), axes = link.pieces, frames(rows[k][None])
         places = layout.of_links[k]
-        turned = np.eye(len(link.dofs), dtype=np.clongdouble)
-        for end in link.joints:
-            turned[np.ix_(end, end)] = np.array(axes.local(*np.eye(2)))
         damped, stiff = superelement.damping.astype(complex), superelement.stiffness.astype(complex)
         forces = np.zeros(len(link.dofs), complex)
         if analysis != AT_REST:
@@ -88,10 +85,15 @@ def assembled(
         if analysis == IN_MOTION:
             of_rates, of_places = _turning(superelement, axes, link.joints)
             damped, stiff = damped + of_rates, stiff + of_places
-        at = np.ix_(places, places)
-        for to, matrix in ((mass, superelement.mass), (damping, damped), (stiffness, stiff)):
-            np.add.at(to, at, turned.T @ matrix @ turned)
-        np.add.at(load, places, turned.T @ forces)
+        turned = np.array([superelement.mass, damped, stiff], np.clongdouble)
+        forces, local = forces.astype(np.clongdouble), np.array(axes.local(*np.eye(2)))
+        for end in map(list, link.joints):  # the other unknowns stay on the axes of the link
+            turned[:, end] = local.T @ turned[:, end]
+            turned[..., end] = turned[..., end] @ local
+            forces[end] = local.T @ forces[end]
+        for to, matrix in zip((mass, damping, stiffness), turned, strict=True):
+            np.add.at(to, np.ix_(places, places), matrix)
+        np.add.at(load, places, forces)
     for to, name, slots in (
         (mass, "mass_matrix", layout.mass_slots),
         (damping, "damping", layout.damping_slots),
