@@ -555,7 +555,7 @@ def test_an_element_is_in_explanations_pages_and_exports(cantilever, tmp_path):
 def test_an_element_is_in_assembled_equations(cantilever, monkeypatch):
     monkeypatch.setattr(elements, "SUPPLIED", {})
     system = Subject(str(cantilever.path), {}).assembled
-    mass = system["strip.mass"].part(["mid@0.1"], ["mid@0.1"]).matrix[0]
+    mass = system["strip.mass"].part(["mid@1.2"], ["mid@1.2"]).matrix[0]
     length, per_length = (sp.Symbol(f"{x}_strip", real=True) for x in ("l", "mu"))
     assert mass == per_length * length / 8 * sp.Rational(8, 15)  # of (4 x/l (1 - x/l))^2
 

@@ -179,9 +179,9 @@ def _known(motion: MeshedMotion) -> Iterator[Recorded]:
                 yield Recorded(slot, kind, names.index(f"{point}.{axis}"), 2 * i + j)
     crank = motion.info.crank
     for k, beam in enumerate(motion.beams):
-        if beam.info.link == crank and motion.info.mode == "held" and "theta@0" in beam.dofs:
+        if beam.info.link == crank and motion.info.mode == "held" and "theta@1" in beam.dofs:
             slot = _slot(torque(crank, none))
-            yield Recorded(slot, "holding", k, beam.dofs.index("theta@0"))
+            yield Recorded(slot, "holding", k, beam.dofs.index("theta@1"))
 
 
 def _slot(v: Variable) -> Slot:

@@ -25,9 +25,9 @@ from symgen.symbolic.exact import Exact
 ANGLES = (0.0, 60.0, 120.0, 200.0, 300.0)
 #: Unknowns of the four-bar in the order of the thesis.
 UNKNOWNS = [
-    *("M.x", "M.y", "crank.theta@0", "crank.kappa@0", "A.x", "A.y", "crank.theta@1", "crank.kappa@1"),
-    *("coupler.theta@0", "coupler.kappa@0", "B.x", "B.y", "coupler.theta@1", "coupler.kappa@1"),
-    *("output.theta@0", "output.kappa@0", "Q.x", "Q.y", "output.theta@1", "output.kappa@1"),
+    *("M.x", "M.y", "crank.theta@1", "crank.kappa@1", "A.x", "A.y", "crank.theta@2", "crank.kappa@2"),
+    *("coupler.theta@1", "coupler.kappa@1", "B.x", "B.y", "coupler.theta@2", "coupler.kappa@2"),
+    *("output.theta@1", "output.kappa@1", "Q.x", "Q.y", "output.theta@2", "output.kappa@2"),
 ]
 #: Sizes of unknowns for one metre on a link of a foot.
 _SIZE = {"m": 1.0, "rad": 1 / 0.3, "1/m": 1 / 0.3**2}
@@ -77,10 +77,10 @@ def test_assembly_and_boundary_are_those_of_the_thesis():
     z, boundary = (model().matrices()[name] for name in ("assembly", "boundary"))
     assert [*z.columns] == UNKNOWNS
     assert np.array_equal(z.values, assembly())
-    assert z.rows[9:11] == ("coupler_1.w@0", "coupler_1.theta@0")
+    assert z.rows[9:11] == ("coupler_1.w@1", "coupler_1.theta@1")
     assert [*boundary.values] == sorted((*BOUNDARY, HELD))
     free = model("elastic_four_bar_free").matrices()["boundary"]
-    assert [*free.values] == [*BOUNDARY] and free.rows[2] == "crank.kappa@1"
+    assert [*free.values] == [*BOUNDARY] and free.rows[2] == "crank.kappa@2"
 
 
 @pytest.mark.parametrize("angle", ANGLES)
@@ -292,19 +292,19 @@ def test_elements_and_strains_are_those_of_the_thesis():
     system = subject.assembled
     length, mass = (sp.Symbol(x, real=True) for x in ("b", "mu_coupler"))
     element = system["coupler.mass"]
-    assert element.part(["theta@0"], ["w@0"]).matrix[0] == 311 * mass * length**2 / 4620
-    assert element.part(["w@0"], ["w@1"]).matrix[0] == 25 * mass * length / 231
+    assert element.part(["theta@1"], ["w@1"]).matrix[0] == 311 * mass * length**2 / 4620
+    assert element.part(["w@1"], ["w@2"]).matrix[0] == 25 * mass * length / 231
     values = {c.quantity.symbol: c.expression for c in system.constants}
     height = next(d for d in system.definitions if d.quantity.name == "h_coupler")
     values[height.quantity.symbol] = height.expression.xreplace(values)
     half = sp.Rational(125, 2000) * sp.Rational(254, 10000)  # of an eighth of an inch
     row = system["strain_recovery"].part(["coupler"])
-    for unknown, factor in (("coupler.theta@0", -1.5), ("coupler.theta@1", 1.5)):
+    for unknown, factor in (("coupler.theta@1", -1.5), ("coupler.theta@2", 1.5)):
         assert float(row.part((), [unknown]).matrix[0].xreplace(values) / half * values[length]) == factor
     cosine = sp.Symbol("coupler_cosine", real=True)
     assert sp.expand(row.part((), ["B.x"]).matrix[0] - cosine / length).coeff(cosine) == 0
-    stress = system["stress_recovery"].part(["coupler"], ["coupler.theta@1"]).matrix[0]
-    modulus = stress / row.part((), ["coupler.theta@1"]).matrix[0]
+    stress = system["stress_recovery"].part(["coupler"], ["coupler.theta@2"]).matrix[0]
+    modulus = stress / row.part((), ["coupler.theta@2"]).matrix[0]
     assert float(modulus.xreplace(values)) == pytest.approx(10.3e6 * 6894.757293168361)
     titles = [step.title for step in subject.record]
     assert titles[-3:] == [

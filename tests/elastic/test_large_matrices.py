@@ -51,7 +51,7 @@ def test_matrices_are_those_of_an_assembly_from_energies():
     names, units = found["large_state"].rows, found["large_state"].row_units
     q, v, a = value["large_state"].T
     of = Assembly(names, count)
-    turned = np.ptp([q[names.index(f"crank.theta@{k}")] for k in range(count + 1)])
+    turned = np.ptp([q[names.index(f"crank.theta@{k + 1}")] for k in range(count + 1)])
     assert turned > 0.003  # the crank is bent
 
     def near(mine, theirs, error, *of_names):
@@ -76,7 +76,7 @@ def test_matrices_are_those_of_an_assembly_from_energies():
     assert near(value["large_damping"], by_rates, 1e-9, units, units)
     assert near(value["large_stiffness"], by_places, 1e-6, units, units)
     jacobian = found["large_jacobian"]
-    held = ["crank.x@0", "crank.y@0", f"output.x@{count}", f"output.y@{count}", "crank.theta@0"]
+    held = ["crank.x@1", "crank.y@1", *(f"output.{x}@{count + 1}" for x in "xy"), "crank.theta@1"]
     assert [*jacobian.rows] == held
     assert np.array_equal(jacobian.values, np.array([[float(x == y) for y in names] for x in held]))
 

@@ -246,14 +246,13 @@ class Assembly:
         """Return the unknowns of a model over those here, by their names: displacements within links are axial and transverse."""
         rows = np.zeros((len(names), len(self.names)))
         for row, (owner, _, what) in zip(rows, (name.rpartition(".") for name in names), strict=True):
-            word, _, node = what.partition("@")
+            word, _, at = what.partition("@")
             link, _, joint = owner.partition(".")
-            if joint:  # the section of a link at a joint
-                node = self.drawn.members[link].index(joint) * COUNT
+            node = self.drawn.members[link].index(joint) * COUNT if joint else int(at or 1) - 1
             if word in ("x", "y"):
                 row[self.names[f"{owner}.{word}"]] = 1.0
             elif word == "theta":
-                own = self.drawn.section(link, int(node))[1] if joint or node else f"{owner}.r"
+                own = self.drawn.section(link, node)[1] if joint or at else f"{owner}.r"
                 row[self.names[own]] = 1.0
             else:
                 angle = self.drawn.angle(link) + (np.pi / 2 if word == "w" else 0.0)

@@ -173,9 +173,9 @@ def test_the_motion_of_a_variable_says_its_equation(scene, output, equation):
         ("element_beam8", "stiffness", "theta1", "kappa2", "N*m^2"),
         ("element_beam8", "stiffness", "w1", "theta1", "N"),
         ("element_beam8", "mass", "theta1", "theta2", "kg*m^2"),
-        ("thesis_four_bar", "elastic_load", "coupler.theta@0", "", "N*m"),
+        ("thesis_four_bar", "elastic_load", "coupler.theta@1", "", "N*m"),
         ("thesis_four_bar", "elastic_damping", "A.x", "A.y", "N*s/m"),
-        ("thesis_four_bar", "stress_recovery", "coupler", "coupler.theta@0", "Pa"),
+        ("thesis_four_bar", "stress_recovery", "coupler", "coupler.theta@1", "Pa"),
         ("thesis_four_bar", "elastic_stiffness", "A.x", "", "N/m; *m per angle, *m^2 per curvature"),
     ],
 )

@@ -67,7 +67,7 @@ def bent(model):
     result = model.quasi_static(samples=2)
     moment = result["middle.bending_strain"][-1] * BENDING / (THICKNESS / 2)
     motion = model.motion(True)
-    unknowns = motion.layout.names.index("beam.w@5")
+    unknowns = motion.layout.names.index("beam.w@6")
     _, _, _, stiffness, load, basis = motion.equations().matrices(0.0)
     found = np.linalg.solve(stiffness, load)
     return moment, (found if basis is None else basis[0] @ found)[unknowns]

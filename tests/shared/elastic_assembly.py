@@ -208,16 +208,16 @@ def places(case: Case, beam):
     joints = {}
     for s, p in bar.points:
         node = int(np.argmin(np.abs(np.array(nodes) - s)))
-        joints |= {f"{axis}@{node}": (p, k) for k, axis in enumerate("uw")}
+        joints |= {f"{axis}@{node + 1}": (p, k) for k, axis in enumerate("uw")}
     at = {p: int(np.argmin(np.abs(np.array(nodes) - s))) for s, p in bar.points}
     turned = {(k, s.point) for s in case.linkage.torsions for k, _ in s.rotations()}
-    acted = {f"theta@{at[p]}": p for k, p in turned if k == bar.name}
+    acted = {f"theta@{at[p] + 1}": p for k, p in turned if k == bar.name}
     for i, dof in enumerate(beam.dofs):
         if dof in joints:
             yield joints[dof]
         elif dof in acted:
             yield f"{beam.info.link}.{acted[dof]}.theta"
-        elif i in beam.fixed or (beam.info.link, dof, case.mode) == (case.linkage.crank, "theta@0", "held"):
+        elif i in beam.fixed or (beam.info.link, dof, case.mode) == (case.linkage.crank, "theta@1", "held"):
             yield None
         else:
             yield f"{beam.info.link}.{dof}"
@@ -271,7 +271,7 @@ def equations(case: Case, beams, names, t: float, *, thesis=False, rest=False, i
         found = put_in(constant(basis) if thesis else basis, *of_link(case, beam, instant, rest))
         total = [a + b for a, b in zip(total, found, strict=True)]
         if beam.info.link == case.linkage.crank and case.mode != "held":
-            _shaft(case, instant, total, names.index(f"{beam.info.link}.theta@0"))
+            _shaft(case, instant, total, names.index(f"{beam.info.link}.theta@1"))
     for torsion in case.linkage.torsions:
         row = np.zeros(n)
         for name, sign in torsion.rotations():

@@ -50,8 +50,8 @@ class Assembly:
         ends = {0: first, self.count: last}
         for k in range(self.count + 1):
             point = ends.get(k)
-            place = [f"{point}.{axis}" if point else f"{link}.{axis}@{k}" for axis in "xy"]
-            yield [self.names.index(name) for name in (*place, f"{link}.theta@{k}")]
+            place = [f"{point}.{axis}" if point else f"{link}.{axis}@{k + 1}" for axis in "xy"]
+            yield [self.names.index(name) for name in (*place, f"{link}.theta@{k + 1}")]
 
     @cached_property
     def elements(self):

@@ -14,7 +14,7 @@ def rigid_motions(info, dofs, piece, properties):
         if kind == "u":
             found[j, 0] = 1.0
         elif kind == "w":
-            found[j, 1:] = 1.0, properties.length * info.node(int(node))
+            found[j, 1:] = 1.0, properties.length * info.node(int(node) - 1)
         elif kind == "theta":
             found[j, 2] = 1.0
         elif kind in info.inner_dofs:

@@ -171,7 +171,9 @@ def euler_load(motion: ElasticMotion, k: int) -> float:
     """
     beam = motion.beams[k]
     info = meshed(replace(beam.info, elements=_EULER, nodes=()), beam.properties.length, (), ())
-    return _buckling_load(info, beam.properties, frozenset(held_alone(motion, info) - {f"u@{info.elements}"}))
+    return _buckling_load(
+        info, beam.properties, frozenset(held_alone(motion, info) - {f"u@{info.elements + 1}"})
+    )
 
 
 @lru_cache(maxsize=64)
@@ -198,10 +200,10 @@ def held_alone(motion: ElasticMotion, info: BeamInfo) -> set[str]:
     A tip that nothing else is joined to is free, and joints before it hold the link instead.
     """
     clamped = info.link == motion.info.crank and motion.info.mode == "held"
-    fixed = {"u@0", "w@0", *(("theta@0",) if clamped else ())}
+    fixed = {"u@1", "w@1", *(("theta@1",) if clamped else ())}
     if not ((clamped or info.between) and _has_a_free_tip(motion, info)):
-        return fixed | {f"u@{info.elements}", f"w@{info.elements}"}
-    return fixed | {f"w@{i}" for i in info.joint_nodes[:-1]}
+        return fixed | {f"u@{info.elements + 1}", f"w@{info.elements + 1}"}
+    return fixed | {f"w@{i + 1}" for i in info.joint_nodes[:-1]}
 
 
 def _has_a_free_tip(motion: ElasticMotion, info: BeamInfo) -> bool:

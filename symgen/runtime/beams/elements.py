@@ -169,16 +169,16 @@ class Segment:
 def names(info: BeamInfo) -> tuple[str, ...]:
     """Return all unknowns of a link, before any is omitted: node, inner unknowns, node, ...
 
-    ``u@2`` is u of node 2, counted from 0 at the link's first point; ``mid@1.2`` is between nodes 1 and 2.
+    ``u@2`` is u of node 2, counted from 1 at the link's first point; ``mid@1.2`` is between nodes 1 and 2.
     Where the curvature jumps, ``kappa@2+`` is that behind node 2.
     """
     jumps = _jumps(info)
     labels = []
     for i in range(info.elements + 1):
         if i:
-            labels += [f"{dof}@{i - 1}.{i}" for dof in info.inner_dofs]
-        labels += [f"{dof}@{i}" for dof in info.node_dofs]
-        labels += [f"{_CURVATURE}@{i}+"] if i in jumps else []
+            labels += [f"{dof}@{i}.{i + 1}" for dof in info.inner_dofs]
+        labels += [f"{dof}@{i + 1}" for dof in info.node_dofs]
+        labels += [f"{_CURVATURE}@{i + 1}+"] if i in jumps else []
     return tuple(labels)
 
 

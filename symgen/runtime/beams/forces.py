@@ -118,7 +118,7 @@ def forces(
             about = f"couple on {name} at {point}, counter-clockwise"
             drive.append(Variable(f"{name}.{point}.couple", "N*m", about, (), rows[:, beam.dofs.index(dof)]))
         if name == crank and not free:
-            drive.append(torque(name, rows[:, beam.dofs.index("theta@0")]))
+            drive.append(torque(name, rows[:, beam.dofs.index("theta@1")]))
     if f"{crank}_drive" in bound:
         drive.append(torque(crank, _of_drive(motion, run, bound[f"{crank}_drive"])))
     return ElasticForces(drive, at_joints, bound)
@@ -162,7 +162,7 @@ def _link(motion: ElasticMotion, run: RunMotion, accelerations: Array, k: int) -
     s, v, a = local_motion(motion, run, accelerations, k)
     axes, local_forces = run.axes(k), np.zeros_like(s)
     unknowns = {k for pair in beam.joints for k in pair}
-    unknowns |= {j for j, dof in enumerate(beam.dofs) if dof == "theta@0" or dof in beam.info.welded}
+    unknowns |= {j for j, dof in enumerate(beam.dofs) if dof == "theta@1" or dof in beam.info.welded}
     loads_of_link = [i for i, name in enumerate(motion.info.loads) if name == beam.info.link]
     joints = [beam.info.node(node) * beam.properties.length for node in beam.info.joint_nodes]
     profiles = motion.profiles(beam.info.link)

@@ -24,7 +24,7 @@ class BeamLayout:
     unknowns, constraints
         Numbers of unknowns and of constraints between them.
     names
-        What each unknown is called: ``A.x``, ``coupler.theta@0``.
+        What each unknown is called: ``A.x``, ``coupler.theta@1``.
     of_links
         For each link the unknown of each of its own; -1 where it is held. Joints are on fixed axes.
     inner
@@ -196,7 +196,7 @@ def unknowns_of(
     for beam in beams:
         fixed, turn = set(beam.fixed), -1
         if beam.info.link == info.crank:
-            turn = beam.dofs.index("theta@0")
+            turn = beam.dofs.index("theta@1")
             if info.mode == "held":
                 fixed.add(turn)
         joints = {

@@ -37,7 +37,7 @@ class Beam:
     info, properties, lumps
         Its options, properties and lumped masses.
     dofs
-        Names of its unknowns: ``w@0`` of the first node, ``w@n`` of the last of n + 1, ``mid@0.1`` inside an
+        Names of its unknowns: ``w@1`` of the first node, ``w@n`` of the last of n, ``mid@1.2`` inside an
         element, ``mode@1`` of a reduction.
     joints
         Places of (u, w) of the nodes at its joints, the first and the last node included.
@@ -195,7 +195,7 @@ def _real(x: complex) -> float:
 
 def _joints(info: BeamInfo, dofs: Sequence[str]) -> tuple[tuple[int, int], ...]:
     """Return the places of (u, w) of the nodes at joints."""
-    return tuple((dofs.index(f"u@{i}"), dofs.index(f"w@{i}")) for i in info.joint_nodes)
+    return tuple((dofs.index(f"u@{i + 1}"), dofs.index(f"w@{i + 1}")) for i in info.joint_nodes)
 
 
 def _damped(
@@ -223,9 +223,9 @@ def _fixed(
     )
     largest = max(abs(value_at(properties.bending, properties.length * k / 8)) for k in range(9))
     return tuple(
-        dofs.index(f"kappa@{node}")
+        dofs.index(f"kappa@{node + 1}")
         for node, x, bent in ends
-        if not bent and f"kappa@{node}" in dofs and value_at(properties.bending, x).real > 1e-9 * largest
+        if not bent and f"kappa@{node + 1}" in dofs and value_at(properties.bending, x).real > 1e-9 * largest
     )
 
 

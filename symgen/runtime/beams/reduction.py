@@ -26,12 +26,12 @@ def of_one_length(
     the link follow from those statically.
     """
     n = info.elements
-    along = {dofs.index(f"u@{i}"): info.node(i) for i in range(1, n)}
+    along = {dofs.index(f"u@{i + 1}"): info.node(i) for i in range(1, n)}
     inner = [j for part in parts for j in part.dofs[2 * len(info.node_dofs) :] if _is_along(part, j)]
     transverse = [j for j in range(len(dofs)) if j not in along and j not in inner]
     basis = np.zeros((len(dofs), len(transverse)), stiffness.dtype)
     basis[transverse, np.arange(len(transverse))] = 1.0
-    first, last = transverse.index(dofs.index("u@0")), transverse.index(dofs.index(f"u@{n}"))
+    first, last = transverse.index(dofs.index("u@1")), transverse.index(dofs.index(f"u@{n + 1}"))
     for j, part_of_length in along.items():
         basis[j, [first, last]] = 1 - part_of_length, part_of_length
     if inner:
@@ -59,8 +59,8 @@ def reduced(
     SceneError
         If the link has fewer modes than requested, or no stiffness.
     """
-    first, *others = ([f"u@{i}", f"w@{i}"] for i in info.joint_nodes)
-    names = [*first, *(["theta@0"] if info.clamped else []), *(name for pair in others for name in pair)]
+    first, *others = ([f"u@{i + 1}", f"w@{i + 1}"] for i in info.joint_nodes)
+    names = [*first, *(["theta@1"] if info.clamped else []), *(name for pair in others for name in pair)]
     names += [name for name in info.rotations if name not in names]
     ends = [dofs.index(name) for name in names]
     inside = [j for j in range(len(dofs)) if j not in ends and j not in fixed]

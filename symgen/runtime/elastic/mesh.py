@@ -187,7 +187,7 @@ def chosen(motion: ElasticMotion, k: int, info: BeamInfo, properties: Properties
     # The axial force of the joints does not depend on the number of elements, and counts in the peak only.
     pull = np.zeros((len(poses[0]), len(places)))
     coarse = meshed(replace(info, elements=1), properties.length, lumps, profiles)
-    if f"u@{coarse.elements}" in held_alone(motion, coarse):
+    if f"u@{coarse.elements + 1}" in held_alone(motion, coarse):
         area = [value_at(properties.axial, at * properties.length) / properties.modulus for at in places]
         pull += np.abs(frames(poses[0]).stiffness_geometric0)[:, None] / area
 

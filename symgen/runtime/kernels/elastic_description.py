@@ -71,13 +71,13 @@ class BeamInfo:
     def welded(self) -> dict[str, str]:
         """The points with welds by the names of the rotations there."""
         at = zip(self.points, self.joint_nodes, strict=True)
-        return {f"theta@{node}": point for point, node in at if point in self.welds}
+        return {f"theta@{node + 1}": point for point, node in at if point in self.welds}
 
     @property
     def rotations(self) -> dict[str, str]:
         """Names of the rotations that other components use, by unknown."""
         at = zip(self.points, self.joint_nodes, strict=True)
-        acted = {f"theta@{node}": f"{self.link}.{point}" for point, node in at if point in self.couples}
+        acted = {f"theta@{node + 1}": f"{self.link}.{point}" for point, node in at if point in self.couples}
         return acted | self.welded
 
     def bent_at(self, point: str) -> bool:

@@ -181,7 +181,7 @@ class AssembledMatrices(dict[str, LabelledMatrix]):
 
 
 def unit_of(unknown: str) -> str:
-    """Return the unit of an unknown, ``A.x`` or ``coupler.theta@0``; empty of a station."""
+    """Return the unit of an unknown, ``A.x`` or ``coupler.theta@1``; empty of a station."""
     if "." not in unknown:
         return ""
     last = unknown.rpartition(".")[2] if "@" not in unknown else unknown.partition("@")[0].rpartition(".")[2]

@@ -57,7 +57,7 @@ def frequencies(b, held=(), piece=None):
 
 
 def pinned(b):
-    return {f"w@{n}" for n in (0, b.info.elements)} | {"u@0"}
+    return {f"w@{n + 1}" for n in (0, b.info.elements)} | {"u@1"}
 
 
 def arguments(p, length):
@@ -133,7 +133,7 @@ def displaced(b, u, w):
     fields = {"u": u, "w": w, "theta": w.deriv(), "kappa": w.deriv(2), "mid": u}
     for j, dof in enumerate(b.dofs):
         kind, _, node = dof.partition("@")
-        x = np.mean([float(k) for k in node.split(".")]) * b.properties.length / b.info.elements
+        x = np.mean([float(k) - 1 for k in node.split(".")]) * b.properties.length / b.info.elements
         found[j] = fields[kind](x) if kind in fields else 0.0
     return found
 
@@ -163,7 +163,7 @@ GOLDEN = {1: ("7.1475e-04", "8.133e-03"), 2: ("1.01e-06", "7.15e-04"), 3: ("3e-0
 @pytest.mark.parametrize("elements", GOLDEN)
 def test_pinned_pinned_by_the_golden_file(elements):
     b = beam(info(elements=elements), UNIFORM)
-    found = frequencies(b, {"w@0", f"w@{elements}"} | {d for d in b.dofs if d[0] == "u"})[:2]
+    found = frequencies(b, {"w@1", f"w@{elements + 1}"} | {d for d in b.dofs if d[0] == "u"})[:2]
     exact = np.array([np.pi, 2 * np.pi]) ** 2 * np.sqrt(11.0 / 0.7) / 1.3**2
     errors = found / exact - 1
     for error, golden in zip(errors, GOLDEN[elements], strict=True):
@@ -173,11 +173,11 @@ def test_pinned_pinned_by_the_golden_file(elements):
 
 def test_curvature_is_held_where_there_is_no_moment():
     held = lambda *a, **k: {b.dofs[i] for b in [beam(info(elements=2, **k), *a)] for i in b.fixed}  # noqa: E731
-    assert held(UNIFORM) == {"kappa@0", "kappa@2"}
-    assert held(UNIFORM, clamped=True) == {"kappa@2"}
-    assert held(UNIFORM, [Lump(0.0, 0.0, 0.1)]) == {"kappa@2"}
+    assert held(UNIFORM) == {"kappa@1", "kappa@3"}
+    assert held(UNIFORM, clamped=True) == {"kappa@3"}
+    assert held(UNIFORM, [Lump(0.0, 0.0, 0.1)]) == {"kappa@3"}
     pointed = replace(UNIFORM, bending=(1.3**3, -3 * 1.3**2, 3 * 1.3, -1.0, 0.0))  # (L - x)^3
-    assert held(pointed) == {"kappa@0"}
+    assert held(pointed) == {"kappa@1"}
 
 
 @pytest.mark.parametrize(
@@ -229,7 +229,7 @@ def test_modal_damping(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_a_link_of_one_length_bends_as_one_that_stretches(name):
     b, kept = (beam(info(name, 3, axial=axial), TAPERED) for axial in (True, False))
-    assert [d for d in kept.dofs if d[0] == "u"] == ["u@0", "u@3"] and "mid@0.1" not in kept.dofs
+    assert [d for d in kept.dofs if d[0] == "u"] == ["u@1", "u@4"] and "mid@1.2" not in kept.dofs
     stretching = {d for d in b.dofs if d[0] == "u" or d[:3] == "mid"}
     exact = frequencies(b, pinned(b) | stretching)
     assert frequencies(kept, pinned(b) | stretching) == pytest.approx(exact, rel=1e-10)
@@ -238,11 +238,11 @@ def test_a_link_of_one_length_bends_as_one_that_stretches(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_guyan_keeps_what_is_static_and_rigid(name):
     b, kept = (beam(info(name, 3, clamped=True, reduction=kind), TAPERED) for kind in ("", "guyan"))
-    assert kept.dofs == ("u@0", "w@0", "theta@0", "u@3", "w@3")
+    assert kept.dofs == ("u@1", "w@1", "theta@1", "u@4", "w@4")
     p, small = whole(b.pieces, len(b.dofs)), kept.pieces[0]
     load = np.zeros(len(b.dofs))
-    load[b.dofs.index("u@3")], load[b.dofs.index("w@3")] = 2.0, 3.0
-    free = [i for i, d in enumerate(b.dofs) if d not in ("u@0", "w@0", "theta@0") and i not in b.fixed]
+    load[b.dofs.index("u@4")], load[b.dofs.index("w@4")] = 2.0, 3.0
+    free = [i for i, d in enumerate(b.dofs) if d not in ("u@1", "w@1", "theta@1") and i not in b.fixed]
     s = np.zeros(len(b.dofs))
     s[free] = np.linalg.solve(p.stiffness[np.ix_(free, free)], load[free])
     y = np.zeros(5)

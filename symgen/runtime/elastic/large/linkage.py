@@ -132,13 +132,13 @@ class LargeLinkage(RestingSystem):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the unknowns: ``A.x`` of a free point, ``crank.theta@1`` of node 1 of a link."""
+        """Names of the unknowns: ``A.x`` of a free point, ``crank.theta@1`` of the first node of a link."""
         d = self.motion.rigid.description
         found = {k: f"{p}.{axis}" for k, (p, axis) in enumerate(product(d.free, d.axes))}
         for link in self.links:
             for node, places in enumerate(link.places.tolist()):
                 for place, axis in zip(places, ("x", "y", "theta"), strict=True):
-                    found.setdefault(place, f"{link.beam.info.link}.{axis}@{node}")
+                    found.setdefault(place, f"{link.beam.info.link}.{axis}@{node + 1}")
         return tuple(found[k] for k in range(self.unknowns))
 
     @property

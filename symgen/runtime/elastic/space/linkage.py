@@ -142,7 +142,7 @@ class LinkageInSpace(RestingSystem):
             for node, unknowns in enumerate(link.places):
                 for k, place in enumerate(unknowns):
                     labels[place] = (
-                        f"{link.info.link}@{node}.{('', 'd1_', 'd2_', 'd3_')[k // 3]}{'xyz'[k % 3]}"
+                        f"{link.info.link}@{node + 1}.{('', 'd1_', 'd2_', 'd3_')[k // 3]}{'xyz'[k % 3]}"
                     )
         labels[: self._points] = [f"{p}.{axis}" for p in d.free for axis in d.axes]
         return tuple(labels)
