@@ -48,9 +48,14 @@ def quantity(name: str, unit: str, description: str) -> Quantity:
     return Quantity(sp.Symbol(name, real=True), unit, description)
 
 
-def bracketed(name: str, unit: str, description: str) -> Quantity:
+def whole(name: str) -> sp.Symbol:
     """Return the letter of a whole vector ``(S)`` or matrix ``[M]`` in equations, which does not commute."""
-    return Quantity(sp.Symbol(name, commutative=False), unit, description)
+    return sp.Symbol(name, commutative=False)
+
+
+def bracketed(name: str, unit: str, description: str) -> Quantity:
+    """Return a :class:`Quantity` for the letter of a whole vector or matrix."""
+    return Quantity(whole(name), unit, description)
 
 
 def symbols_of(expressions: Iterable[sp.Basic]) -> set[sp.Basic]:

@@ -27,8 +27,8 @@ class NamedMatrix:
 
     ``unit`` is one unit for all entries, or several in row order joined by ``", "``. ``source`` is the
     equation of the source, as in "Attia (7)", or "not in the source"; empty where it is not stated. ``left``
-    is the left side of the equation in the letters of the source. One entry in letters of whole vectors and
-    matrices is its right side.
+    is the left side of the equation in the letters of the source: that of the matrix alone, or declared ones.
+    One entry in letters of whole vectors and matrices is its right side.
     """
 
     name: str
@@ -54,6 +54,11 @@ class NamedMatrix:
         if self.left is None or self.matrix.shape != (1, 1):
             return False
         return self.matrix[0, 0] == 0 or not self.matrix[0, 0].is_commutative
+
+    @property
+    def composed(self) -> tuple[sp.Expr, ...]:
+        """The left side, if there is one that is composed of letters of others."""
+        return () if self.left is None or self.left.is_Symbol else (self.left,)
 
     @property
     def equation(self) -> sp.Basic:
@@ -208,9 +213,10 @@ class System:
                 raise DerivationError(f"{self.name}: two quantities are called {quantity.name!r}")
             names.add(quantity.name)
             known.add(quantity.symbol)
-        unknown = symbols_of(e for m in self.matrices for e in (m.matrix, m.left) if e is not None) - known
+        sides = {m.name: (m.matrix, *m.composed) for m in self.matrices}
+        unknown = symbols_of(e for both in sides.values() for e in both) - known
         for matrix in self.matrices if unknown else ():
-            there = sorted(str(s) for s in symbols_of([matrix.matrix, matrix.left or sp.S.Zero]) & unknown)
+            there = sorted(str(s) for s in symbols_of(sides[matrix.name]) & unknown)
             if there:
                 raise DerivationError(
                     f"{self.name}: matrix {matrix.name} holds undeclared symbols: {', '.join(there)}"

@@ -286,6 +286,18 @@ def test_scenes_lead_to_the_equations_without_settings():
     assert "[T]ᵀ⋅(Q) =" in shown_by("thesis_rig", "E.29")
 
 
+@pytest.mark.parametrize(
+    ("name", "letter"), [("Q", "(Q)"), ("KD", "[KD]"), ("constant_mass", "[MD]"), ("B", "[B]")]
+)
+def test_a_matrix_with_a_letter_of_its_own_has_it_on_the_left(name, letter):
+    """A row of it has no left side."""
+    assert f"\n{letter} =\n" in shown_by("element_beam8", name)
+    assert rf"\right{letter[-1]} = \left[" in call(
+        "show", "element_beam8", name, "--format", "latex"
+    ).replace("\n", "")
+    assert " =\n" not in shown_by("element_beam8", name, "--rows", "u1")
+
+
 def test_pages_list_a_letter_of_each_system():
     """[M] is a matrix of an element, and that of the linkage in the condensed equations."""
     tables = symbols([step.system for step in BEAM.record])

@@ -29,7 +29,7 @@ from symgen.mechanics.elastic.moving_frame import POINT, POINT_RATES, from_fixed
 from symgen.mechanics.elastic.turning_axes import COSINE, SINE, local_equation, transformation
 from symgen.models.elastic.element import SHOWN
 from symgen.models.elastic.fixed_axes import LOAD, TURNED
-from symgen.symbolic.quantity import Quantity, quantity, times_lengths
+from symgen.symbolic.quantity import Quantity, quantity, times_lengths, whole
 from symgen.symbolic.system import NO_SOURCE, Definition, Group, NamedMatrix, System
 
 #: Of a constant section, as in the matrices of an element.
@@ -99,7 +99,8 @@ def _of_element(element: Element) -> Iterator[NamedMatrix]:
     names = element.dofs
     for name, (matrix, product, rows, source) in shape_products(element).items():
         about = f"[{name}]: integral of {product} over x, with {rows} of shape"
-        yield NamedMatrix(name, matrix, entry_unit("m"), about, names, names, source=f"thesis {source}")
+        text, left = f"thesis {source}", whole(f"[{name}]")
+        yield NamedMatrix(name, matrix, entry_unit("m"), about, names, names, source=text, left=left)
     about = "T of S = T s: displacements in the link's axes, s, to those in fixed axes, S"
     turned = transformation(element)
     yield NamedMatrix(
@@ -185,9 +186,9 @@ def _load(element: Element) -> tuple[NamedMatrix, list[Definition]]:
     about = f"(QT) {LOAD} {TURNED}, of a constant section"
     matrix = sp.ImmutableMatrix(turned)
     source = "thesis (E.20), (F.8), by the virtual work (E.18), (E.19)"
-    return NamedMatrix("QT", matrix, entry_unit("N"), about, element.dofs, source=source), [
-        Definition(q, e) for q, e in zip(letters, load, strict=True)
-    ]
+    known = [Definition(q, e) for q, e in zip(letters, load, strict=True)]
+    left = whole("(QT)")
+    return NamedMatrix("QT", matrix, entry_unit("N"), about, element.dofs, source=source, left=left), known
 
 
 def _energy(element: Element, unknowns: Sequence[Quantity]) -> tuple[list[NamedMatrix], list[Definition]]:

@@ -12,7 +12,7 @@ from symgen.mechanics.elastic.beam_matrices import BeamMatrices, ElementSection,
 from symgen.mechanics.elastic.hamilton import THESIS
 from symgen.mechanics.sources import ELEMENT, PRINTED_ELEMENT
 from symgen.symbolic.names import Names
-from symgen.symbolic.quantity import Quantity, quantity, times_lengths
+from symgen.symbolic.quantity import Quantity, quantity, times_lengths, whole
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
 
 #: Properties of the section along the element: name, letter, number of coefficients, unit of the first.
@@ -24,7 +24,7 @@ PROPERTIES = (
     ("shear", "s", 3, "N", "shear stiffness k G A"),
 )
 #: Matrices that are shown for a constant section too, and their letters in the thesis.
-_CONSTANT = {"mass": "[MD] ", "gyroscopic": "[AD] ", "stiffness": "[K] "} | dict.fromkeys(
+_CONSTANT = {"mass": "[MD]", "gyroscopic": "[AD]", "stiffness": "[K]"} | dict.fromkeys(
     ("load_x", "load_y", "load_out", "load_turn"), ""
 )
 #: The element whose equation in fixed axes is shown too.
@@ -99,11 +99,13 @@ def _uniform(
 
 def _constant(m: NamedMatrix, uniform: Mapping[sp.Symbol, int]) -> NamedMatrix:
     """Return a matrix of a constant section: with beam8 as the thesis prints it."""
+    letter = _CONSTANT[m.name]
     return replace(
         m,
         name=f"constant_{m.name}",
         matrix=sp.ImmutableMatrix(m.matrix.xreplace(dict(uniform))),
-        description=f"{_CONSTANT[m.name]}{m.description.partition(';')[0]}, of a constant section",
+        description=f"{letter} {m.description.partition(';')[0]}, of a constant section".lstrip(),
+        left=whole(letter) if letter else None,
     )
 
 

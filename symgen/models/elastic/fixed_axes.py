@@ -19,6 +19,7 @@ from symgen.mechanics.elastic.turning_axes import (
     thesis_equation,
 )
 from symgen.symbolic.names import Names
+from symgen.symbolic.quantity import whole
 from symgen.symbolic.system import Group, NamedMatrix
 
 #: Arguments of the equation besides the matrices of the element.
@@ -57,16 +58,18 @@ def fixed_axes(
 
     def stiffness(name: str, matrix: sp.ImmutableMatrix, about: str) -> NamedMatrix:
         return NamedMatrix(
-            name, matrix, entry_unit("N/m"), f"dynamic stiffness {about}", element.dofs, element.dofs
-        )
+            name, matrix, entry_unit("N/m"), f"dynamic stiffness {about}", element.dofs, element.dofs,
+            left=whole(f"[{name}]") if name in ("KD", "KT") else None,
+        )  # fmt: skip
 
-    whole = local_equation(matrices, geometric=False)
-    kd = sp.ImmutableMatrix(whole.stiffness.xreplace(dict(uniform)))
+    complete = local_equation(matrices, geometric=False)
+    kd = sp.ImmutableMatrix(complete.stiffness.xreplace(dict(uniform)))
     yield stiffness("KD", kd, f"[KD] {_FORMS['thesis_local']}, {about}")
-    load = sp.ImmutableMatrix(whole.load.xreplace(dict(uniform)))
-    yield NamedMatrix("Q", load, entry_unit("N"), f"(Q) {LOAD} {_FORMS['local']}, {about}", element.dofs)
+    load = sp.ImmutableMatrix(complete.load.xreplace(dict(uniform)))
+    about_load = f"(Q) {LOAD} {_FORMS['local']}, {about}"
+    yield NamedMatrix("Q", load, entry_unit("N"), about_load, element.dofs, left=whole("(Q)"))
     in_letters = _entries(element, "KD", kd, "N/m", f"[KD] {about}", names)
-    kt = thesis_equation(element, replace(whole, stiffness=in_letters)).stiffness
+    kt = thesis_equation(element, replace(complete, stiffness=in_letters)).stiffness
     yield stiffness("KT", kt, f"[KT] {_FORMS['thesis']}, {about}")
     exact, thesis = global_equation(element, local), thesis_equation(element, printed)
     yield from _turned("global", element, exact)
