@@ -16,6 +16,7 @@ from xml.dom.minidom import parseString
 import sympy as sp
 from sympy.printing.latex import LatexPrinter
 from sympy.printing.mathml import MathMLPresentationPrinter
+from sympy.printing.precedence import PRECEDENCE
 from sympy.printing.pretty.pretty import PrettyPrinter
 from sympy.printing.pretty.pretty_symbology import pretty_use_unicode
 from sympy.printing.pretty.stringpict import prettyForm
@@ -276,7 +277,7 @@ class _Text(_Ordered, StrPrinter):
         number, rest = expr.as_coeff_Mul()
         if expr.is_commutative or number.is_Integer:
             return str(super()._print_Mul(expr))
-        return f"{number}*{self._print(rest)}"  # in front of long sums
+        return f"{number}*{self.parenthesize(rest, PRECEDENCE['Mul'], strict=True)}"  # in front of long sums
 
     def _print_Pi(self, expr: sp.Expr) -> str:
         return "π"

@@ -298,6 +298,20 @@ def test_a_matrix_with_a_letter_of_its_own_has_it_on_the_left(name, letter):
     assert " =\n" not in shown_by("element_beam8", name, "--rows", "u1")
 
 
+def test_a_fraction_stands_in_front_of_a_sum_in_brackets():
+    s, t = (sp.Symbol(x, commutative=False) for x in ("(S)", "(T)"))
+    half, m = sp.Rational(1, 2), sp.Symbol("m")
+    for e, line in {
+        half * m * s: "1/2⋅m⋅(S)",
+        -half * s: "-1/2⋅(S)",
+        sp.Mul(half, s + t, evaluate=False): "",
+    }.items():
+        assert text(e) == (line or "1/2⋅((S) + (T))")
+    assert text(sp.Mul(-half, m, s + t)) == "-1/2⋅m⋅((S) + (T))"
+    shown = shown_by("element_beam8", "kinetic_energy_of_element", "--by", "m")
+    assert "\n1/2⋅(L⋅ẋ₁² + " in shown and "(Ṡ))\n" in shown
+
+
 def test_pages_list_a_letter_of_each_system():
     """[M] is a matrix of an element, and that of the linkage in the condensed equations."""
     tables = symbols([step.system for step in BEAM.record])
