@@ -209,7 +209,7 @@ def test_matrices_in_letters_have_the_values_of_runs(name):
     motion, found = built.motion(True), built.matrices(t, over="time")
     (q, u, solution), _, _ = motion.rigid_motion(motion.equations(), np.array([t]))
     state = {"t": [t], "q": q[0], "u": u[0], "p": built.rigid.parameter_values, "work": solution[0]}
-    state["vibration"] = [0.0]
+    state["condensed"] = [0.0] * len(system.group("condensed").quantities)
     state = {group.name: state[group.name][: len(group.quantities)] for group in system.groups}
     names = [m.name for m in system.matrices]
     value = {
