@@ -270,6 +270,7 @@ CONDENSATION: Sources = (
     ("reduced_gyroscopic", "thesis (E.28), times -2 omega, with rates of T"),
     ("reduced_load", "thesis (E.29)"),
 )
+_HALF = "(8.7), corrected: h is half of the thickness"
 ASSEMBLY: Sources = (
     ("elastic_mass", "thesis (F.2), (8.1)"),
     ("elastic_gyroscopic", "thesis (F.4), (8.1), with rates of T"),
@@ -279,8 +280,8 @@ ASSEMBLY: Sources = (
     ("assembly", "thesis (8.1)"),
     ("boundary", "thesis Fig. 22, (8.2)"),
     *CONDENSATION,
-    ("strain_recovery", "thesis (8.3)-(8.7)"),
-    ("stress_recovery", "thesis (8.3)-(8.8)"),
+    ("strain_recovery", f"thesis (8.3)-(8.6); {_HALF}"),
+    ("stress_recovery", f"thesis (8.3)-(8.6), (8.8); {_HALF}"),
     ("*.mass", "thesis (7.24), (F.1)"),
     ("*.gyroscopic", "thesis (7.25), (F.3)"),
     ("*.stiffness", "thesis (6.14)"),

@@ -127,7 +127,7 @@ def _cited(number: Sequence[str], source: str, rows: Sequence[str]) -> _Cited:
         of_rows = [x for x in others if (at := _place(x, rows)) is None or {*at[0]} & {*named}]
         return _Cited(_ITSELF, "; ".join([whole, *of_rows]), named)
     best, found, columns = (of_whole := _precision(number, whole)), list[str](), list[str]()
-    general, cited = [whole], list[str]()
+    general, cited, remarks = [whole], list[str](), list[str]()
     for text in others:
         at = _place(text, rows)
         if at is None:
@@ -140,11 +140,13 @@ def _cited(number: Sequence[str], source: str, rows: Sequence[str]) -> _Cited:
             found += at[0]
             columns += at[1]
             cited.append(text)
+        elif not _CITED.search(at[2]):
+            remarks.append(text)
         elif not number[-1]:  # a group, of which these are equations
             best = max(best, precision)
     if found:
         return _Cited(_ITSELF, "; ".join([*general, *cited]), found, columns)
-    return _Cited(best, "; ".join(general) if of_whole == best == _ITSELF else source)
+    return _Cited(best, "; ".join([*general, *remarks]) if of_whole == best else source)
 
 
 def elsewhere(equation: str) -> str:

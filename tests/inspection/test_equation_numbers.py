@@ -435,6 +435,11 @@ def test_corrected_stands_where_the_equation_has_an_erratum():
         assert ("corrected" in m.source) == is_corrected, (number, m.source)
     limits = Subject("synthesis_limits", {})
     assert "corrected" in found(limits, "3.5")[0].source
+    (matrix,) = found(beam, "B.14")
+    assert "(B.14), corrected" in matrix.source and "u2" in matrix.rows
+    linkage = Subject("thesis_four_bar", {})
+    assert all("(8.7), corrected" in m.source for m in found(linkage, "8.7"))
+    assert not any("corrected" in m.source for m in found(linkage, "8.4"))
     assert not any("corrected" in m.source for n in ("3.12", "3.15", "3.17") for m in found(limits, n))
     (m,) = found(beam, "A.1")
     assert m.source.endswith("A.4, A.8-A.12 add up to (A.1)")
