@@ -27,8 +27,8 @@ class NamedMatrix:
 
     ``unit`` is one unit for all entries, or several in row order joined by ``", "``. ``source`` is the
     equation of the source, as in "Attia (7)", or "not in the source"; empty where it is not stated. ``left``
-    is the left side of the equation in the letters of the source: that of the matrix alone, or declared ones.
-    One entry in letters of whole vectors and matrices is its right side.
+    is the left side of the equation in the letters of the source: that of the matrix alone, or declared ones,
+    or the column of those of its rows. One entry in letters of whole vectors and matrices is its right side.
     """
 
     name: str
@@ -39,7 +39,7 @@ class NamedMatrix:
     columns: tuple[str, ...] = ()
     symmetric: bool = False
     source: str = ""
-    left: sp.Expr | None = None
+    left: sp.Expr | sp.ImmutableMatrix | None = None
 
     def __post_init__(self) -> None:
         for name in ("unit", "description"):
@@ -51,14 +51,19 @@ class NamedMatrix:
     @property
     def in_letters(self) -> bool:
         """Whether this is an equation between whole vectors and matrices."""
-        if self.left is None or self.matrix.shape != (1, 1):
+        if self.left is None or self.lefts or self.matrix.shape != (1, 1):
             return False
         return self.matrix[0, 0] == 0 or not self.matrix[0, 0].is_commutative
 
     @property
+    def lefts(self) -> tuple[sp.Expr, ...]:
+        """The left sides of the rows, if they have their own."""
+        return tuple(self.left) if isinstance(self.left, sp.MatrixBase) else ()
+
+    @property
     def composed(self) -> tuple[sp.Expr, ...]:
-        """The left side, if there is one that is composed of letters of others."""
-        return () if self.left is None or self.left.is_Symbol else (self.left,)
+        """The left sides that are composed of letters of others."""
+        return self.lefts or (() if self.left is None or self.left.is_Symbol else (self.left,))
 
     @property
     def equation(self) -> sp.Basic:
@@ -66,7 +71,8 @@ class NamedMatrix:
         from symgen.symbolic.notation import DerivedEquation
 
         right = self.matrix[0, 0] if self.matrix.shape == (1, 1) else self.matrix
-        return right if self.left is None else DerivedEquation(self.left, right, evaluate=False)
+        left = self.lefts[0] if len(self.lefts) == 1 else self.left
+        return right if left is None else DerivedEquation(left, right, evaluate=False)
 
     def part(self, rows: Sequence[str] = (), columns: Sequence[str] = ()) -> NamedMatrix:
         """Return some rows and columns, by name or by number from 1; all of them if none is given.
@@ -87,6 +93,8 @@ class NamedMatrix:
             chosen = [at for at in chosen if m[at] != 0] or chosen
         unit = own_unit(self.unit, (self.rows, self.columns), m.shape, chosen) if chosen else self.unit
         left = None if rows or columns else self.left
+        if self.lefts:
+            left = sp.ImmutableMatrix([self.lefts[k] for k in i])
         return replace(
             self,
             matrix=m.extract(i, j),
@@ -334,7 +342,11 @@ class System:
                 for g in self.groups
             ),
             matrices=tuple(
-                replace(m, matrix=m.matrix.applyfunc(substitution), left=m.left and substitution(m.left))
+                replace(
+                    m,
+                    matrix=m.matrix.applyfunc(substitution),
+                    left=m.left if m.lefts else m.left and substitution(m.left),
+                )
                 for m in self.matrices
             ),
             definitions=tuple(definitions),

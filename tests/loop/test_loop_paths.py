@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from unicodedata import normalize
 
 import mpmath as mp
 import pytest
@@ -228,6 +229,8 @@ def test_solved_equations_lead_to_their_variable(number):
     (m,) = found(subject("slider_crank"), number)
     assert m.name == ("joint_accelerations" if number.endswith("a") else "joint_rates")
     assert m.rows == (SOLVED[number],)
+    ending = "acceleration" if number.endswith("a") else "rate"
+    assert [s.name for s in m.lefts] == [f"{SOLVED[number]}_{ending}"]
 
 
 #: As printed, with the axes of eta and the second dots of the errata; alpha3 is 90 degrees.
@@ -307,5 +310,8 @@ def test_numbers_lead_to_them(number):
 def test_the_print_has_the_letters_that_it_uses():
     text = call("show", "slider_crank", "56a")
     assert "V̇₂_xd = " in text and "V₂_yd = " in text
+    assert "θ̇₃ = α̇₃⋅sin(η₃) - (θ̇₁ + θ̇₂)⋅cos(η₂)" in normalize("NFD", call("show", "slider_crank", "40"))
+    assert "T₄_k = -f₃_zd" in call("show", "slider_crank", "69f")
+    assert "cos_" not in call("show", "slider_crank", "15")
     recorded = [m.name for step in subject("slider_crank").record for m in step.matrices]
     assert {"rod_momentum_rate_backward", "closure_acceleration_rhs", "rod_dual_euler"} <= {*recorded}

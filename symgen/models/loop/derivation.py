@@ -250,6 +250,9 @@ def named(
     description: str,
     rows: Sequence[str] = (),
     columns: Sequence[str] = (),
+    left: Sequence[sp.Expr] = (),
 ) -> NamedMatrix:
-    """Return a NamedMatrix of any matrix."""
-    return NamedMatrix(name, sp.ImmutableMatrix(entries), unit, description, tuple(rows), tuple(columns))
+    """Return a NamedMatrix of any matrix, with the left sides of its rows."""
+    of_rows = sp.ImmutableMatrix(left) if left else None
+    matrix = sp.ImmutableMatrix(entries)
+    return NamedMatrix(name, matrix, unit, description, tuple(rows), tuple(columns), left=of_rows)

@@ -148,13 +148,12 @@ def _equilibrium(model: LoopDerivation, letters: _Letters, balls: Sequence[bool]
 
 def _joint_components(loop: Loop, letters: _Letters, equilibrium: list[NamedMatrix]) -> NamedMatrix:
     """Return the joint wrenches of a slider-crank, solved from the equilibrium of its links."""
-    solved = solved_wrenches(
-        loop.rows,
-        [dict(zip(_ROWS, m.matrix, strict=True)) for m in equilibrium],
-        {x.name.rstrip("_"): x.symbol for x in chain(*letters.joints, *letters.inertia)},
-    )
+    symbols = {x.name.rstrip("_"): x.symbol for x in chain(*letters.joints, *letters.inertia)}
+    links = [dict(zip(_ROWS, m.matrix, strict=True)) for m in equilibrium]
+    solved = solved_wrenches(loop.rows, links, symbols)
     about = "components of the joint wrenches one after another, each by those before it and by inertia"
-    return named("joint_components", list(solved.values()), "N, N*m", about, tuple(solved))
+    left = [symbols[name] for name in solved]
+    return named("joint_components", list(solved.values()), "N, N*m", about, tuple(solved), left=left)
 
 
 def unloaded_balls(loop: Loop) -> list[bool]:

@@ -126,7 +126,8 @@ def _solved(
         )
         about = f"{noun}s of the dependent variables one after another, each by those before it"
         units = ", ".join(unknowns[name].unit for name in solved)
-        yield named(f"joint_{noun}s", list(solved.values()), units, about, tuple(solved))
+        left = [unknowns[name].symbol for name in solved]
+        yield named(f"joint_{noun}s", list(solved.values()), units, about, tuple(solved), left=left)
 
 
 def _system(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import sympy as sp
 
@@ -100,7 +101,7 @@ def check_letters(matrices: Iterable[NamedMatrix], form: str) -> None:
 
 def _as_text(system: System, matrices: Sequence[NamedMatrix], width: int) -> str:
     """Return matrices as text, followed by the shared terms they use and a legend of symbols."""
-    shared = used_terms(system, matrices)
+    matrices, shared = as_written(system, matrices)
     lines = []
     for m in matrices:
         lines += [*heading(m, width), "", *in_lines(m, width), ""]
@@ -111,10 +112,11 @@ def _as_text(system: System, matrices: Sequence[NamedMatrix], width: int) -> str
 
 def as_latex(system: System, matrices: Sequence[NamedMatrix], width: int = WIDTH) -> str:
     """Return matrices and the shared terms they use as LaTeX, which requires the package amsmath."""
+    matrices, shared = as_written(system, matrices)
     lines: list[str] = []
     for m in matrices:
         lines += [*(f"% {line.strip()}" for line in heading(m, width - 2)), *displayed(m)]
-    lines += terms_in_latex(system, matrices)
+    lines += terms_in_latex(shared)
     return "\n".join(latex_lines(lines, width))
 
 
@@ -128,9 +130,8 @@ def latex_lines(lines: Iterable[str], width: int) -> Iterator[str]:
             yield from parts
 
 
-def terms_in_latex(system: System, matrices: Sequence[NamedMatrix]) -> list[str]:
-    """Return the shared terms used by matrices as lines of LaTeX."""
-    shared = used_terms(system, matrices)
+def terms_in_latex(shared: Mapping[sp.Symbol, sp.Expr]) -> list[str]:
+    """Return shared terms as lines of LaTeX."""
     return ["% with", *aligned([(latex(s), latex(e)) for s, e in shared.items()])] if shared else []
 
 
@@ -145,7 +146,8 @@ def displayed(m: NamedMatrix) -> list[str]:
                 places = [latex_name(m.rows[i]) if m.rows else str(i + 1)]
                 if m.matrix.cols > 1:
                     places.append(latex_name(m.columns[j]) if m.columns else str(j + 1))
-                entries.append((rf"\left({', '.join(places)}\right)", latex(m.matrix[i, j])))
+                label = latex(m.lefts[i]) if m.lefts else rf"\left({', '.join(places)}\right)"
+                entries.append((label, latex(m.matrix[i, j])))
     return aligned(entries)
 
 
@@ -220,6 +222,19 @@ def used_constants(system: System, matrices: Sequence[NamedMatrix]) -> list[Defi
     """Return the constants of the scene that occur in matrices, directly or in a shared term."""
     there = _there(matrices, used_terms(system, matrices))
     return [c for c in system.constants if c.quantity.symbol in there]
+
+
+def as_written(
+    system: System, matrices: Sequence[NamedMatrix]
+) -> tuple[list[NamedMatrix], dict[sp.Symbol, sp.Expr]]:
+    """Return matrices as a reader writes them, and the shared terms that they use.
+
+    The sine or cosine of a symbol stands in place of its name.
+    """
+    shared = used_terms(system, matrices)
+    own = {s: e for s, e in shared.items() if isinstance(e, (sp.sin, sp.cos)) and e.args[0].is_Symbol}
+    shown = [replace(m, matrix=m.matrix.xreplace(own)) for m in matrices] if own else [*matrices]
+    return shown, {s: e.xreplace(own) for s, e in shared.items() if s not in own}
 
 
 def used_terms(system: System, matrices: Sequence[NamedMatrix]) -> dict[sp.Symbol, sp.Expr]:

@@ -48,10 +48,10 @@ def in_lines(m: NamedMatrix, width: int = WIDTH) -> Iterator[str]:
         whole = pretty(m.equation).splitlines()
         yield from whole if _fits(whole, width) else wrapped(text(m.equation), width)
         return
-    if m.left is not None:
+    if m.left is not None and not m.lefts:
         yield from (*wrapped(f"{text(m.left)} =", width), "")
     forms = pretty_entries(matrix)
-    labels = m.rows if matrix.rows > 1 else ()
+    labels = tuple(f"{text(x)} =" for x in m.lefts) or (m.rows if matrix.rows > 1 else ())
     beside = max(map(columns, labels), default=0)
     if beside > _LABEL:
         beside = 0
@@ -66,7 +66,8 @@ def in_lines(m: NamedMatrix, width: int = WIDTH) -> Iterator[str]:
             yield from wrapped(f"columns: {', '.join(names)}", width)
         at = dict(zip(_baselines(forms, first, last), labels, strict=False)) if beside else {}
         for i, line in enumerate(pretty(matrix[:, first:last]).splitlines()):
-            yield f"{at.get(i, ''):<{margin}}{line}"
+            label = at.get(i, "")
+            yield f"{label}{' ' * (margin - columns(label))}{line}"
     if labels and not beside:
         yield from wrapped(f"rows: {', '.join(labels)}", width)
     if len(m.columns) > 1 and len(blocks) == 1:
@@ -107,7 +108,8 @@ def _entries(m: NamedMatrix, width: int) -> Iterator[str]:
                 place = [m.rows[i] if m.rows else str(i + 1)]
                 if m.matrix.cols > 1:
                     place.append(m.columns[j] if m.columns else str(j + 1))
-                yield from wrapped(f"  {', '.join(place)}: {text(m.matrix[i, j])}", width, "      ")
+                label = f"{text(m.lefts[i])} =" if m.lefts else f"{', '.join(place)}:"
+                yield from wrapped(f"  {label} {text(m.matrix[i, j])}", width, "      ")
     if m.symmetric:
         yield "  entries below the diagonal: as above it (symmetric)"
     if any(x == 0 for x in m.matrix):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from symgen.report.mathematics.equations import displayed, latex_lines, terms_in_latex, used_terms
+from symgen.report.mathematics.equations import as_written, displayed, latex_lines, terms_in_latex
 from symgen.report.mathematics.layout import WIDTH, defined, heading, in_lines, wrapped
 from symgen.symbolic.system import NamedMatrix, Step
 
@@ -20,13 +20,12 @@ def record_in_text(steps: Sequence[Step], width: int = WIDTH) -> str:
 def _in_text(number: int, step: Step, width: int) -> Iterator[str]:
     head = wrapped(f"{number}. {step.title}  ({step.source})", width)
     yield from (*head, "-" * max(map(len, head)), *wrapped(step.about, width, ""), "")
+    short, shared = as_written(step.system, [m for m in step.matrices if len(str(m.matrix)) <= _LETTERS])
+    whole = {m.name: m for m in short}
     for m in step.matrices:
         yield from heading(m, width)
-        large = len(str(m.matrix)) > _LETTERS
-        yield from _structure(m, width) if large else in_lines(m, width)
+        yield from in_lines(whole[m.name], width) if m.name in whole else _structure(m, width)
         yield ""
-    short = [m for m in step.matrices if len(str(m.matrix)) <= _LETTERS]
-    shared = used_terms(step.system, short)
     if shared:
         yield from ("with", *(line for s, e in shared.items() for line in defined(s, e, width)), "")
 
@@ -62,6 +61,8 @@ def record_in_latex(title: str, steps: Sequence[Step], width: int = WIDTH) -> st
         r"\maketitle",
     ]
     for step in steps:
+        short, shared = as_written(step.system, [m for m in step.matrices if len(str(m.matrix)) <= _LETTERS])
+        whole = {m.name: m for m in short}
         lines += [
             rf"\section{{{_plain(step.title)}}}",
             rf"{_plain(step.about)} \emph{{{_plain(step.source)}}}.",
@@ -69,10 +70,9 @@ def record_in_latex(title: str, steps: Sequence[Step], width: int = WIDTH) -> st
         for m in step.matrices:
             words = rf"\paragraph{{{_plain(m.name)}}} {_plain(m.description)} [{_plain(m.unit)}]"
             words += rf" \emph{{{_plain(m.source)}}}." if m.source else ""
-            large = len(str(m.matrix)) > _LETTERS
-            lines += [words, *([rf"({_plain(_structure(m)[0].strip())})."] if large else displayed(m))]
-        short = [m for m in step.matrices if len(str(m.matrix)) <= _LETTERS]
-        lines += terms_in_latex(step.system, short)
+            large = rf"({_plain(_structure(m)[0].strip())})."
+            lines += [words, *(displayed(whole[m.name]) if m.name in whole else [large])]
+        lines += terms_in_latex(shared)
     return "\n".join([*latex_lines(lines, width), r"\end{document}"])
 
 
