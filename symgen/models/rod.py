@@ -132,6 +132,9 @@ def rod_system(dimension: int) -> System:
 #: The particles that stand for a rod.
 _PARTICLES = {1: "1, at one end", 2: "2, in the middle", 3: "3, at the other end"}
 
+#: Left sides: sum of the forces on a rod, and of their moments about particle 1.
+_FORCES, _MOMENTS = (sp.Symbol(name, real=True) for name in ("R", "G1"))
+
 #: Ending of the name, unit and noun of a position and its rates.
 _MOTION = (
     ("", "m", "position"),
@@ -188,7 +191,12 @@ def _three_particles(
     before = ", before the middle one is eliminated"
     sums = (
         _matrix(
-            "particle_momentum", forces, "N", f"sum of mass times acceleration of the particles{before}", axes
+            "particle_momentum",
+            forces,
+            "N",
+            f"sum of mass times acceleration of the particles{before}",
+            axes,
+            _FORCES,
         ),
         _matrix(
             "particle_moment",
@@ -196,6 +204,7 @@ def _three_particles(
             "N*m",
             f"sum of mass times moment of the acceleration of the particles about particle 1{before}",
             _across(axes),
+            _MOMENTS,
         ),
     )
     return sums + tuple(
@@ -246,13 +255,18 @@ def _momenta(
     weighted = tuple(m3 * x + m2 / 2 * y for x, y in zip(along, middle, strict=True))
     first, second = (_crossed(arm, a) for arm, a in ((middle, inner), (weighted, outer)))
     angular = [m2 / 2 * x + y for x, y in zip(first, second, strict=True)]
-    about = "rate of the moment of momentum about particle 1: the moment of the forces, G_1"
+    about = "rate of the moment of momentum about particle 1: the moment of the forces"
     axes = tuple(AXES[:n])
     return (
         _matrix(
-            "linear_momentum", linear, "N", "rate of the linear momentum: the sum of the forces, R", axes
+            "linear_momentum",
+            linear,
+            "N",
+            "rate of the linear momentum: the sum of the forces",
+            axes,
+            _FORCES,
         ),
-        _matrix("angular_momentum", angular, "N*m", about, _across(axes)),
+        _matrix("angular_momentum", angular, "N*m", about, _across(axes), _MOMENTS),
     )
 
 
@@ -298,6 +312,12 @@ def _across(axes: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def _matrix(
-    name: str, entries: list[sp.Expr], unit: str, description: str, rows: tuple[str, ...] = ()
+    name: str,
+    entries: list[sp.Expr],
+    unit: str,
+    description: str,
+    rows: tuple[str, ...] = (),
+    left: sp.Symbol | None = None,
 ) -> NamedMatrix:
-    return NamedMatrix(name, sp.ImmutableMatrix(len(entries), 1, entries), unit, description, rows)
+    column = sp.ImmutableMatrix(len(entries), 1, entries)
+    return NamedMatrix(name, column, unit, description, rows, left=left)

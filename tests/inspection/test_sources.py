@@ -213,6 +213,11 @@ def test_without_the_middle_particle_its_equations_become_those_of_the_ends(name
         assert [x for x in names if x != "projected_momentum"] == [matrix]  # (8a), (8b), printed as (1), (2)
 
 
+@pytest.mark.parametrize(("number", "left"), [("1", "R"), ("2", "G₁"), ("6", "R"), ("7", "G₁")])
+def test_the_left_side_is_that_of_the_print(number, left):
+    assert f"\n{left} =" in call("show", "rod_spatial", number)
+
+
 @pytest.mark.parametrize("name", ["rod", "rod_spatial"])
 def test_the_distance_of_the_ends_and_its_rates_are_printed(name):
     """(3a), (4a), (5a): r31.r31 - l^2, r31.r31', r31.(r3'' - r1'') + r31'.r31'."""
