@@ -51,9 +51,8 @@ class NamedMatrix:
     @property
     def in_letters(self) -> bool:
         """Whether this is an equation between whole vectors and matrices."""
-        if self.left is None or self.lefts or self.matrix.shape != (1, 1):
-            return False
-        return self.matrix[0, 0] == 0 or not self.matrix[0, 0].is_commutative
+        alone = self.left is not None and not self.lefts and self.matrix.shape == (1, 1)
+        return alone and (self.matrix[0, 0] == 0 or not self.matrix[0, 0].is_commutative)
 
     @property
     def lefts(self) -> tuple[sp.Expr, ...]:
@@ -92,9 +91,8 @@ class NamedMatrix:
         if "; " in self.unit:  # zeros have any unit
             chosen = [at for at in chosen if m[at] != 0] or chosen
         unit = own_unit(self.unit, (self.rows, self.columns), m.shape, chosen) if chosen else self.unit
-        left = None if rows or columns else self.left
-        if self.lefts:
-            left = sp.ImmutableMatrix([self.lefts[k] for k in i])
+        whole_left = None if rows or columns else self.left
+        left = sp.ImmutableMatrix([self.lefts[k] for k in i]) if self.lefts else whole_left
         return replace(
             self,
             matrix=m.extract(i, j),
@@ -324,7 +322,7 @@ class System:
         """
         if not values:
             return self
-        substitution = Substitution(values)
+        put = substitution = Substitution(values)
         known, definitions = substitution.values, []
         for definition in self.definitions:
             if definition.quantity.symbol in known:
@@ -342,11 +340,7 @@ class System:
                 for g in self.groups
             ),
             matrices=tuple(
-                replace(
-                    m,
-                    matrix=m.matrix.applyfunc(substitution),
-                    left=m.left if m.lefts else m.left and substitution(m.left),
-                )
+                replace(m, matrix=m.matrix.applyfunc(put), left=m.left if m.lefts else m.left and put(m.left))
                 for m in self.matrices
             ),
             definitions=tuple(definitions),
