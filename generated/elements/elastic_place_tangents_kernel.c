@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char elastic_place_tangents_equations[65] = "c7bf27c92c7117cb8f7860bc5bfcda3d5a64a0bd0b9386b0f22fce50c7a6fc94";
+const char elastic_place_tangents_equations[65] = "a82bbdf4db99480f00b42df58b9148780849bcc19de90a4edf84211dab60a434";
 
 /* tangent of constants of a link by a unit mass, force, axial force and moment of inertia at x: 0 operations */
 void elastic_place_tangents_point_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

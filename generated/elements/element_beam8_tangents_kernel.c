@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_beam8_tangents_equations[65] = "7c6b12d8aa0b4147375c2d9574e85f558958d339e86b0925f9e05d84b3f34fed";
+const char element_beam8_tangents_equations[65] = "4b05b4b72dbb413a04164c6dffdb6d18dff5569aa4e64c22aca030f4071d19bb";
 
 /* tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 389 operations (122 add, 267 mul, 5 neg) */
 void element_beam8_tangents_mass_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

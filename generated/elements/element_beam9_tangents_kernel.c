@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_beam9_tangents_equations[65] = "b39b44e449f2db9589bb70a08374b2dbc70ee55918e96a7883ffe5df505c00a0";
+const char element_beam9_tangents_equations[65] = "c449e52f85aa209b694ff7c0dd04b1c72f19227e13461873a5d129f5ddb28a8d";
 
 /* tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 429 operations (135 add, 294 mul, 6 neg) */
 void element_beam9_tangents_mass_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

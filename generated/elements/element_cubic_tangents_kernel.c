@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_cubic_tangents_equations[65] = "49b7eab81fa27e9f1f2ddba9f31d99ee9e65b2816fc27e09962ed645cc87a8af";
+const char element_cubic_tangents_equations[65] = "927a8a7060e1c3ebf302a65fc3f42ad554594d481a36a65438862483dcf27afa";
 
 /* tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 207 operations (67 add, 140 mul, 4 neg) */
 void element_cubic_tangents_mass_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

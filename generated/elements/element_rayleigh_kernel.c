@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_rayleigh_equations[65] = "daf1a1208a45cf2846bfb0fe69453ef3bac2d4fbc5355c75dd049fce6f1ee73f";
+const char element_rayleigh_equations[65] = "664becbfa8dfedb73f789297313d597a63ea2ee7e59b6df42b0b595c718d59a1";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 358 operations (147 add, 210 mul, 1 div, 11 neg) */
 void element_rayleigh_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char corotational_node_equations[65] = "310c9fbed8bf7d37a0ac9ffc77d736f368f3298756c37e297ddcf774c65da70d";
+const char corotational_node_equations[65] = "2381b7eebec0034cc7bf36cbb8d75353856b1d1e9897941798879e6b4ba951e9";
 
 /* inertia and internal force less gravity: 7 operations (2 add, 5 mul) */
 void corotational_node_residual(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char direction_tangents_equations[65] = "fa410d78bf58ce110dbe361884d2467527246bd63b7898cfc7ad1edb3abf3752";
+const char direction_tangents_equations[65] = "e65da89ae57097f0895ad16488e6a00d1d2e24c2c531795575607fef44000abb";
 
 /* tangent of error, rate and slopes of the constraint: 348 operations (140 add, 208 mul) */
 void direction_tangents_row_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -10,7 +10,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char director_beam_equations[65] = "0db8c9af7124979376c17b65b241ab656495862ea02c41550f3810b93c0f09fc";
+const char director_beam_equations[65] = "340dbb049a063ceb26a232acaea3c51475133e080749739d8c951d5edd1e3115";
 
 /* inertia and internal force less gravity: 1185 operations (358 add, 824 mul, 3 div, 12 neg) */
 void director_beam_residual(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -37,6 +37,7 @@ cdef extern from "peaucellier_kernel.h" nogil:
     void peaucellier_outputs(const double *t, const double *q, const double *u, const double *p, double *work, double *out)
     void peaucellier_drawn(const double *t, const double *q, const double *u, const double *p, double *work, double *out)
     void peaucellier_limits(const double *t, const double *q, const double *u, const double *p, double *work, double *out)
+    void peaucellier_series(const double *t, const double *q, const double *u, const double *p, double *work, double *out)
 
 #: Hash of the equations this module was compiled from.
 EQUATIONS = (<bytes>peaucellier_equations).decode("ascii")
@@ -57,6 +58,7 @@ ADDRESSES = {
     "outputs": <uintptr_t>&peaucellier_outputs,
     "drawn": <uintptr_t>&peaucellier_drawn,
     "limits": <uintptr_t>&peaucellier_limits,
+    "series": <uintptr_t>&peaucellier_series,
 }
 
 

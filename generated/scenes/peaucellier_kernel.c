@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char peaucellier_equations[65] = "5e6d959cc08bea1c963bd47fe9258e4337aa2d4d3c8ffc0ab5f6601f9c59bb94";
+const char peaucellier_equations[65] = "39f77fb530d009c5a3b49183003cbd76cbcbec3f19ecf1ab6c03a4d82dcf86d7";
 
 /* One over a pivot, or zero where cancellation left nothing of it. */
 static double guarded_inverse(double pivot, double sound, double tolerance)

@@ -159,6 +159,10 @@ void peaucellier_drawn(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RES
  */
 void peaucellier_limits(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
 
+/* coefficient of the right-hand side of the equations of motion: out. Time and order are in t; work has 59 numbers of each order.
+ */
+void peaucellier_series(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
+
 #undef SYMGEN_RESTRICT
 #ifdef __cplusplus
 }

@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_dyad_equations[65] = "fb07b8d3bf93d05424474cd2cd2ee6a0794fb94c6b219a8b7556cb539f8e64de";
+const char synthesis_dyad_equations[65] = "1919c2fb8e8a1675d7eaaf6c9fba3186f944d7c4784812daa9c750decd59218c";
 
 /* residual and its derivatives: 69 operations (25 add, 42 mul, 4 neg, 2 call) */
 void synthesis_dyad_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_slide_equations[65] = "2f15e29c9ac665681cfea4a66989044c98ae3bfb891b52c2b3d6b541e9decd7e";
+const char synthesis_slide_equations[65] = "81e30a0254f66af5e63fede6797b519569201c0168131dd27a0f7dbb22dad22d";
 
 /* residual and its derivatives: 32 operations (12 add, 16 mul, 4 neg, 4 call) */
 void synthesis_slide_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_slider_function_equations[65] = "332ebdae40a332f279d8c0a8ad2321594c42460c60df861ab66fc0b24a44a2a0";
+const char synthesis_slider_function_equations[65] = "6954a01fa9919dc2c7170b3697d21c4490bf64fbe2ce956a7284acfbfe7ec256";
 
 /* residual and its derivatives: 36 operations (11 add, 23 mul, 2 neg, 2 call) */
 void synthesis_slider_function_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

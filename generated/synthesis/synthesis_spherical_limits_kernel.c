@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_spherical_limits_equations[65] = "7d3e005b638ff3ec90ab6ac35e2702631b0aeb0b67cd26f1d9ccbfba28312b40";
+const char synthesis_spherical_limits_equations[65] = "36354b80ca1c0ab1d8eb16cba1bc750c910b8b3d96ce9224f63fff9286108b57";
 
 /* residual and its derivatives: 168 operations (49 add, 89 mul, 18 neg, 30 call) */
 void synthesis_spherical_limits_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -12,7 +12,8 @@ from typing import Any
 from symgen.codegen.calls import CallView, calls_of, merged
 from symgen.codegen.printers import Printer, printer
 from symgen.codegen.rolled import ROLLED, Rolled, large, rolled
-from symgen.codegen.source import LOOPS, SourceFile
+from symgen.codegen.series import SeriesView, series_view
+from symgen.codegen.source import LOOPS, SERIES, SourceFile
 from symgen.codegen.target import Target
 from symgen.lowering.expressions import GUARDED_INVERSE, Constant, references
 from symgen.lowering.kernel import ARRAYS, Block, Kernel, Program, Slot, Store
@@ -114,6 +115,7 @@ class UnitView:
     groups: tuple[GroupView, ...]
     references: tuple[str, ...]
     kernels: tuple[KernelView, ...]
+    series: tuple[SeriesView, ...] = ()
     first: bool = True
 
     @property
@@ -156,6 +158,8 @@ TEMPLATES = {
     "cython": (("cython/module.pyx.j2", "{}.pyx"),),
 }
 SPLIT = "c/kernel.c.j2"
+#: Template of kernels of power series, which models of motions have.
+SERIES_TEMPLATE = "c/series.c.j2"
 #: Additional C templates for kernels that evaluate batches of states.
 LANES = (("c/batch.c.j2", "{}_batch.c"),)
 #: Templates included by other templates.
@@ -177,6 +181,8 @@ def equations_hash(program: Program, target: Target) -> str:
         digest.update(_source(template))
     if large(program, target):
         digest.update(_source(ROLLED))
+    if program.series:
+        digest.update(_source(SERIES_TEMPLATE))
     return digest.hexdigest()
 
 
@@ -203,6 +209,9 @@ def emit(program: Program, target: Target, equations: str) -> tuple[SourceFile, 
         for i, part in enumerate(parts):
             text = environment().get_template(template).render(unit=part)
             files.append(SourceFile(file.format(program.name, f"_{i + 1}" if i else ""), text))
+    if whole.series and target.language == "c":
+        text = environment().get_template(SERIES_TEMPLATE).render(unit=whole)
+        files.append(SourceFile(f"{program.name}{SERIES}", text))
     loops = tuple(kernel for kernel in whole.kernels if kernel.rolled)
     if loops:
         text = environment().get_template(ROLLED).render(unit=replace(whole, kernels=loops))
@@ -250,6 +259,12 @@ def unit_view(program: Program, target: Target, equations: str) -> UnitView:
         ),
         references=program.references,
         kernels=tuple(_kernel(program, k, target, k.name in loops) for k in program.kernels),
+        # Only compiled runs of single states have power series.
+        series=tuple(
+            series_view(k, _prototype(program.name, k.name, _type(target)), _type(target), printer(target))
+            for k in program.series
+            if target.language in ("c", "cython") and not target.lanes
+        ),
     )
 
 

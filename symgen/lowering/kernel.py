@@ -115,13 +115,21 @@ class Kernel:
 
 
 @dataclass(frozen=True, slots=True)
+class SeriesKernel(Kernel):
+    """A kernel of power series in time, whose ``rows`` are the coefficients of one order in ``work``."""
+
+    rows: int = 0
+
+
+@dataclass(frozen=True, slots=True)
 class Program:
     """All kernels of one model, with the meaning of every argument.
 
     ``pivots`` is the offset in ``work`` where 'factor' stores, for every unknown, its pivot and the sum of
     the terms with the pivot's sign; 0 without that kernel. A multiplier is set to zero if the ratio of the
     two does not exceed ``rank_tolerance``, unless the caller overrides it: kernels read the tolerance from
-    ``p[tolerance_place]``, after all other entries; -1 if no kernel reads it.
+    ``p[tolerance_place]``, after all other entries; -1 if no kernel reads it. ``series`` are the kernels of
+    :mod:`symgen.lowering.recurrences`, for compiled runs only.
     """
 
     name: str
@@ -133,6 +141,7 @@ class Program:
     references: tuple[str, ...]
     left_out: tuple[str, ...]
     tolerance_place: int = field(default=-1, repr=False)  # kernels that read it tell the place
+    series: tuple[SeriesKernel, ...] = ()
 
     @property
     def setup(self) -> Kernel | None:

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 from symgen.lowering.binding_times import with_setup
 from symgen.lowering.expressions import ZERO, Call, Node, Reference, references, rename
-from symgen.lowering.kernel import RANK_TOLERANCE, SETUP, Block, Kernel, Program, Slot, Store
+from symgen.lowering.kernel import RANK_TOLERANCE, SETUP, Block, Kernel, Program, SeriesKernel, Slot, Store
+from symgen.lowering.recurrences import EquationsOfMotion, lower_series
 from symgen.lowering.sparse_ldlt import Factor, factor, solve
 from symgen.lowering.straight_line import Shared, StraightLine
 from symgen.symbolic.system import Export, NamedMatrix, SaddlePoint, System
@@ -33,7 +34,9 @@ def lower_system(system: System) -> Program:
         for g in system.groups
     )
     parameters = system.group("p")
-    kernels = list(with_setup(kernels, parameters))
+    series = lowering.series(point) if point else []
+    kernels = list(with_setup([*kernels, *series], parameters))
+    kernels, series = kernels[: len(kernels) - len(series)], kernels[len(kernels) - len(series) :]
     behind = sum(k.out_size for k in kernels if k.name == SETUP)
     place = len(parameters.quantities) + behind if point and not point.independent else -1
     return Program(
@@ -41,6 +44,7 @@ def lower_system(system: System) -> Program:
         title=system.title,
         groups=groups,
         kernels=_with_tolerance(kernels, place),
+        series=tuple(k for k in series if isinstance(k, SeriesKernel)),
         pivots=lowering.pivots,
         rank_tolerance=point.rank_tolerance if point else "0",
         tolerance_place=place,
@@ -137,6 +141,24 @@ class _Lowering:
         )
         self.pivots = len(stored)
         return [factorise, in_place, replace(accelerations, first=(factorise,), then=(in_place,))]
+
+    def series(self, point: SaddlePoint) -> list[Kernel]:
+        """Return the kernels of power series in time."""
+        n, m = self.system[point.mass].matrix.rows, self.system[point.jacobian].matrix.rows
+        of = self.shared.entries
+        mass, jacobian = ({divmod(ij, n): e for ij, e in of[x].items()} for x in (point.mass, point.jacobian))
+        equations = EquationsOfMotion(
+            self.shared.values,
+            n,
+            m,
+            mass,
+            jacobian,
+            of[point.force] | {n + i: e for i, e in of[point.rhs].items()},
+            of.get("constraints", {}),
+            list(of.get("power", {}).values()),
+            len(self.system.group("p").quantities),
+        )
+        return list(lower_series(equations))
 
     def kernel(
         self,

@@ -36,10 +36,12 @@ cdef extern from "core/core.h" nogil:
         kernel_t events
         kernel_t tangent
         kernel_t setup
+        kernel_t series
+        kernel_t series_along
         kernel_t tangent_setup
 
     cdef struct sizes:
-        long n, m, extra, parameters, derived, tangent_derived, work, first_pivot, redundant, events, switches, windings, turns, choices, tangent
+        long n, m, extra, parameters, derived, tangent_derived, work, first_pivot, redundant, events, switches, windings, turns, choices, series_rows, tangent
         const long *tangent_places
         double rank_tolerance, slack, stabilisation
 

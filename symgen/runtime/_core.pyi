@@ -113,6 +113,7 @@ class KernelEquations(Integrable):
         slack: float,
         *,
         core: Core = ...,
+        series_rows: int = 0,
         events: int = 0,
         switches: int = 0,
         windings: int = 0,

@@ -15,6 +15,7 @@ from libc.stdlib cimport calloc, free
 from libc.string cimport memcpy
 
 from symgen.calls import FAILURES, raise_failure
+from symgen.errors import ModelError
 
 cdef extern from "pythread.h" nogil:
     unsigned long PyThread_get_thread_ident()
@@ -282,7 +283,7 @@ def _exact(method):
     cdef const kind *known = _kind_of(&symgen_core, method)
     counts = tuple(int(method.coefficients[name]) for name in known.counts.decode().split())
     arrays = [np.ravel(method.coefficients[name]) for name in known.arrays.decode().split()]
-    return counts, np.concatenate(arrays)
+    return counts, np.concatenate([np.zeros(0, dtype=object), *arrays])
 
 
 def scheme_of(method):
@@ -516,7 +517,7 @@ cdef class KernelEquations(Integrable):
 
     def __init__(self, library, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, const double[::1] p,
                  Py_ssize_t work_size, Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant,
-                 double slack, *, Core core=DOUBLE, long events=0, long switches=0, long windings=0, long turns=0, tangent=(),
+                 double slack, *, long series_rows=0, Core core=DOUBLE, long events=0, long switches=0, long windings=0, long turns=0, tangent=(),
                  tangent_library=None, double stabilisation=0.0):
         cdef kernels functions
         cdef sizes wanted
@@ -539,6 +540,9 @@ cdef class KernelEquations(Integrable):
         wanted.switches = switches if functions.events != NULL else 0
         wanted.windings = windings if functions.events != NULL else 0
         wanted.turns = turns if functions.events != NULL else 0
+        functions.series = kernel_of(addresses, "series")
+        functions.series_along = kernel_of(addresses, "series_along")
+        wanted.series_rows = series_rows if functions.series != NULL else 0
         wanted.choices = 0
         wanted.tangent, wanted.tangent_places = len(tangent), NULL
         if wanted.tangent:
@@ -630,6 +634,11 @@ cdef class Run:
             raise ValueError(f"expected a state of {equations.dim} numbers, got {y0.shape[0]}")
         if not len(directions) == len(terminal) == equations.core.sizes.events:
             raise ValueError(f"expected directions and ends of {equations.core.sizes.events} events")
+        if method.kind == "taylor" and not equations.core.sizes.series_rows:
+            raise ModelError(
+                f"{method.name} needs the compiled kernel of power series, which the NumPy backend and chains have not\n"
+                "  Choose dop853."
+            )
         self.scheme = self.of.scheme(method)
         self.asked.t0, self.asked.t_end, self.asked.rtol, self.asked.atol = t0, t_end, rtol, atol
         self.asked.step, self.asked.max_drift, self.asked.stabilisation = step, max_drift, stabilisation

@@ -54,7 +54,7 @@ def test_every_shipped_model_is_committed_and_importable(sources):
         module = shipped_module(name)
         assert models[name]["equations"] == module.EQUATIONS
         if name not in RECURSIONS:
-            assert set(module.ADDRESSES) == {k.name for k in lowered(name).kernels}
+            assert set(module.ADDRESSES) == {k.name for k in (*lowered(name).kernels, *lowered(name).series)}
 
 
 #: The digest of everything under generated/, as `files`, and of the kernels of scenes.
@@ -306,7 +306,7 @@ def test_large_models_are_split_over_files():
 @pytest.mark.parametrize("name", ["four_bar", "rssr", "element_beam8"])
 def test_no_entry_is_read_after_it_is_stored(name):
     """Stores follow the values that they need, in kernels that work in place too."""
-    source = "".join(f.text for f in emit(lowered(name), Target(), "x") if f.name.endswith(".c"))
+    source = "".join(f.text for f in emit(lowered(name), Target(), "x") if f.name.endswith("kernel.c"))
     bodies = re.findall(r"^void \w+\(.*?\n{\n(.*?)\n}\n", source, re.S | re.M)
     early = 0
     for body in bodies:

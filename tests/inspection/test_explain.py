@@ -40,7 +40,9 @@ def test_peaucellier_has_three_loops_and_one_degree_of_freedom():
     assert "A after link OA from O" in text
     assert "loops: 3, closed by these links" in text
     assert text.count(", cut between ") == 3
-    code = "".join(p.read_text() for p in (Path(__file__).parents[2] / "generated").rglob("peaucellier*.c"))
+    code = "".join(
+        p.read_text() for p in (Path(__file__).parents[2] / "generated").rglob("peaucellier_kernel*.c")
+    )
     printed = re.findall(r"^    (?!const double inverse).*[\w\]] = (?!0\.0;).*;$", code, re.MULTILINE)
     assert f"code in C: {len(printed)} statements, straight-line" in text
     assert "8 coordinates, 7 constraints: 1 degree of freedom at the start" in text

@@ -99,6 +99,7 @@ def test_nothing_of_parameters_alone_is_left_in_any_other_kernel(name):
     with_setup = 0
     for system, program in programs(name):
         others = [k for k in program.kernels if k is not program.setup and k.name != LIMITS]
+        others += program.series
         assert [x for k in others for x in left_over(k)] == []
         if program.setup is None:
             continue

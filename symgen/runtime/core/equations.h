@@ -44,6 +44,8 @@ struct kernels {
     kernel tangent;              /* slopes of the residual by (q, u), with (q'', lambda) in work, for implicit methods */
     kernel setup;                /* quantities that depend on parameters alone, stored behind them in p; for all
                                     kernels but tangent */
+    kernel series;               /* coefficients of the power series in time, for `taylor` */
+    kernel series_along;         /* coefficients of the power of loads without potential */
     kernel tangent_setup;        /* the same for tangent, which has its own derived quantities */
 };
 
@@ -64,6 +66,7 @@ struct sizes {
     long turns;            /* continuous angles of links: `events` writes them last, then their rates; or the usual
                               coordinates, if there are choices */
     long choices;          /* choices of coordinates, parameters in the place of references: see `rewrite` below */
+    long series_rows;      /* numbers of a row of coefficients of `series`; 0 without this kernel */
     long tangent;          /* values that `tangent` writes */
     const long *tangent_places; /* row, column and place in `out` of each value, column by column */
     double rank_tolerance; /* rank is lost where a multiplier's pivot keeps at most this part of its own-signed terms */

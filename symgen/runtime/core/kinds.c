@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-extern const struct kind explicit_kind, rattle_kind, radau_kind, alpha_kind, collocation_kind, beam_kind;
+extern const struct kind explicit_kind, rattle_kind, radau_kind, alpha_kind, collocation_kind, beam_kind, taylor_kind;
 
 static const struct kind *const KINDS[] = {
     &explicit_kind,
@@ -12,6 +12,7 @@ static const struct kind *const KINDS[] = {
     &alpha_kind,
     &collocation_kind,
     &beam_kind,
+    &taylor_kind,
 };
 
 const struct kind *find_kind(const char *name) {

@@ -82,6 +82,8 @@ struct kind {
     void (*accept)(struct run *run);
     /* Whether the indices in a restored run->own are within their arrays; NULL if there are none. */
     int (*valid)(const struct run *run);
+    /* The length of the next step within the tolerance; NULL if the loop finds it by the errors of steps. */
+    real (*longest)(const struct run *run);
 };
 
 /* A method: its kind with coefficients. */

@@ -20,6 +20,8 @@ _UNITS = {"vx": "m/s", "vy": "m/s", "vz": "m/s", "rate": "rad/s", "angular_veloc
 _UNITS |= {"x": "m", "y": "m", "z": "m", "length": "m", "angle": "rad", "t": "s"}
 #: A failed run's message names pivots that keep less than this.
 _NEAR = 1e-2
+#: Remedies for numbers that are not finite, by the kind of method, instead of a smaller step.
+_SMALLER = {"taylor": "Power series lose their digits there: use dop853."}
 
 
 def problem(
@@ -179,7 +181,8 @@ def _of_the_loads(
     if status == _core.NOT_FINITE:
         return (
             f"a number that is not finite appeared in the step {at}{near}\n"
-            f"  Use a smaller step. Last good state: {where.removeprefix('State: ')}"
+            f"  {_SMALLER.get(chosen.method.kind, 'Use a smaller step.')} "
+            f"Last good state: {where.removeprefix('State: ')}"
         )
     if status == _core.STEP_TOO_SMALL:
         return (

@@ -166,7 +166,8 @@ class Description(Described):
     place of that of a drawing.
     ``lugs`` are rigid joints of points off elastic links, with points on the line ("" if named). ``drawn`` is
     the number of points of the scene, the first. ``gears`` are the numbers of teeth by link, with that of the
-    carrier. ``first_pivot`` is a place in ``work`` of 'factor'.
+    carrier. ``first_pivot`` is a place in ``work`` of 'factor'. ``series_rows`` counts the coefficients of
+    one order of power series in time.
     """
 
     axes: tuple[str, ...]
@@ -201,6 +202,7 @@ class Description(Described):
     drawn: int = 0
     rates: tuple[str, ...] = ()
     size: float = 0.0
+    series_rows: int = 0
 
     @property
     def method(self) -> str:

@@ -163,6 +163,7 @@ class Evaluator(Kernels):
             library_of_type.precision.coarsened(d.rank_tolerance) if library_of_type else d.rank_tolerance,
             redundant,
             slack,
+            series_rows=d.series_rows,
             events=len(d.events),
             switches=len(d.switches),
             windings=d.windings,

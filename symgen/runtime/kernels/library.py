@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from symgen.runtime._core import Core
 
 _GENERATED = "symgen.generated"
+#: Kernels of power series in time, which compiled kernels of motions have.
+SERIES = ("series", "series_along")
 KERNEL = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 6)
 
 
@@ -69,7 +71,9 @@ def open_library(path: Path, description: Described) -> Library:
             .in_dll(library, f"{description.name}_equations")
             .value.decode("ascii", "replace")
         )
-        functions = {k.name: getattr(library, f"{description.name}_{k.name}") for k in description.kernels}
+        names = [k.name for k in description.kernels]
+        names += [name for name in SERIES if hasattr(library, f"{description.name}_{name}")]
+        functions = {name: getattr(library, f"{description.name}_{name}") for name in names}
     except (OSError, ValueError, AttributeError) as error:
         raise StaleBinaryError(f"cannot use the compiled kernels {path}: {error}\n{COMPILE_AGAIN}") from None
     _check_tag(tag, description.equations, str(path))

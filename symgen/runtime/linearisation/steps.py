@@ -80,10 +80,12 @@ class LinkageSteps:
     Raises
     ------
     ModelError
-        For a repeated integrand; for integrands with an implicit method.
+        For a repeated integrand; for integrands with an implicit method; for power series.
     """
 
     def __init__(self, evaluator: Evaluator, kernels: Evaluator, redundant: int, method: Integrator) -> None:
+        if method.kind == "taylor":
+            raise ModelError(f"{method.name} has no derivatives along runs\n  Choose dop853.")
         self._kernels, self._method = kernels, method
         self._equations = evaluator.equations(redundant, work_of_loads=False)
         blocks = kernels.info("integrands").blocks if kernels.has("integrands") else ()

@@ -9,6 +9,7 @@ import pytest
 import symgen
 from symgen.runtime import _core
 from symgen.runtime.integrate.integrators import INTEGRATORS
+from symgen.runtime.integrate.integrators.taylor import of_order
 
 G = 9.81
 #: A uniform rod of 1 m on a pin, released from horizontal.
@@ -38,9 +39,14 @@ def model():
     return symgen.build(PENDULUM)
 
 
+def method_of(name):
+    """A method; power series of the order of the others, whose errors are above rounding."""
+    return of_order(9) if name == "taylor" else INTEGRATORS[name]
+
+
 def fixed(model, name, steps, times):
     """A run with so many equal steps, also of methods that would adapt them."""
-    method, start = INTEGRATORS[name], model.initial_state()
+    method, start = method_of(name), model.initial_state()
     tangent = model.analysis("tangent") if method.needs_tangent else None
     equations = model.evaluator.equations(tangent=tangent)
     y0 = np.concatenate([start.q, start.u, np.zeros(equations.extra)])
@@ -54,7 +60,7 @@ def fixed(model, name, steps, times):
 
 @pytest.mark.parametrize("name", INTEGRATORS)
 def test_order_of_convergence(name, model):
-    order = INTEGRATORS[name].order
+    order = method_of(name).order
     truth = exact(T_END)
     errors = [np.max(np.abs(fixed(model, name, n, np.array([0.0])).state[:4] - truth)) for n in STEPS[order]]
     observed = -np.polyfit(np.log(STEPS[order]), np.log(errors), 1)[0]
@@ -64,7 +70,7 @@ def test_order_of_convergence(name, model):
 @pytest.mark.parametrize("name", INTEGRATORS)
 def test_order_between_steps(name, model):
     """A sample in the middle of the first step: the error of the interpolant falls with its own order."""
-    method = INTEGRATORS[name]
+    method = method_of(name)
     errors = []
     for n in (12, 24):
         middle = 0.4 * T_END / n

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from symgen.errors import check_known
-from symgen.runtime.integrate.integrators import alpha, dop853, dopri5, radau5, rattle, rk4
+from symgen.runtime.integrate.integrators import alpha, dop853, dopri5, radau5, rattle, rk4, taylor
 from symgen.runtime.integrate.integrators.method import Integrator
 
 INTEGRATORS: dict[str, Integrator] = {
     "dop853": dop853.METHOD,
+    "taylor": taylor.METHOD,
     "dopri5": dopri5.METHOD,
     "rk4": rk4.METHOD,
     "rattle": rattle.RATTLE,

@@ -118,7 +118,8 @@ def compiled_runs(
         return None
     if d.kernel("run_end") and arguments.get("t_end") is None and arguments.get("t_eval") is None:
         return None  # each has its own end
-    if chosen.method.needs_tangent or d.coordinates > LARGE:  # a large linkage has a start of its own
+    # a large linkage has a start of its own
+    if chosen.method.needs_tangent or chosen.method.kind == "taylor" or d.coordinates > LARGE:
         return None
     state_of = getattr(model, "_own", lambda state: state)
     rows = None if states is None else np.array([np.concatenate((s.q, s.u)) for s in map(state_of, states)])

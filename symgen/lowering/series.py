@@ -1,0 +1,314 @@
+"""Terms of a motion as power series in time: sums of atoms whose coefficients follow from recurrences.
+
+Source of the recurrences: A. Jorba, M. Zou, Experimental Mathematics 14 (2005) 99-117, section 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from symgen.errors import DerivationError
+from symgen.lowering.expressions import (
+    ONE,
+    ZERO,
+    Call,
+    Constant,
+    Negative,
+    Node,
+    Product,
+    Quotient,
+    Reference,
+    Sum,
+    add,
+    children,
+    multiply,
+    reciprocal,
+    signs,
+)
+
+_MINUS_ONE = Constant("-1")
+_HALF_PI = Constant("1.570796326794896619231321691639751442099")
+
+#: Arrays of arguments that vary in time; accelerations and multipliers are both in ``work``.
+Q, U, TIME, ACCELERATION, MULTIPLIER = "q", "u", "t", "a", "lambda"
+#: Functions of which each is the rate of the other, but for the sign, if that of their argument is one.
+PAIRS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
+
+
+@dataclass(frozen=True, slots=True)
+class Argument:
+    """An entry of an array of arguments."""
+
+    array: str
+    index: int
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """A named sum."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Times:
+    """A product of two atoms."""
+
+    first: Atom
+    second: Atom
+
+
+@dataclass(frozen=True, slots=True)
+class Function:
+    """A function by its C name.
+
+    Its coefficient follows from those of the sums ``of`` of the same order, and from all coefficients so far
+    of the atoms ``read``; ``power`` is the exponent of 'pow'.
+    """
+
+    name: str
+    of: tuple[Linear, ...] = ()
+    read: tuple[Atom, ...] = ()
+    power: Node = ZERO
+
+    @property
+    def pair(self) -> Function | None:
+        """The function that is its rate, which needs it in turn; None for a function of no such pair."""
+        return Function(PAIRS[self.name], self.of, self.read) if self.name in PAIRS else None
+
+
+Atom = Argument | Value | Times | Function
+
+
+@dataclass(frozen=True, slots=True)
+class Linear:
+    """A sum of atoms with coefficients that are constant in time, and a constant."""
+
+    constant: Node = ZERO
+    terms: tuple[tuple[Atom, Node], ...] = ()
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether no term varies in time."""
+        return not self.terms
+
+    def scaled(self, factor: Node) -> Linear:
+        """Return a multiple by a factor that is constant in time."""
+        return Linear(_times(self.constant, factor), tuple((a, _times(c, factor)) for a, c in self.terms))
+
+
+def _times(c: Node, factor: Node) -> Node:
+    """Return a product with the number first, as in other kernels, so that equal ones are one."""
+    return multiply(factor, c) if isinstance(factor, Constant) else multiply(c, factor)
+
+
+def unit(atom: Atom) -> Linear:
+    """Return an atom as a sum."""
+    return Linear(ZERO, ((atom, ONE),))
+
+
+def total(parts: Iterable[Linear]) -> Linear:
+    """Return a sum of sums."""
+    constants: list[Node] = []
+    found: dict[Atom, Node] = {}
+    for part in parts:
+        if part.constant != ZERO:
+            constants.append(part.constant)
+        for atom, c in part.terms:
+            found[atom] = add([found[atom], c]) if atom in found else c
+    terms = tuple((a, c) for a, c in found.items() if c != ZERO)
+    return Linear(add(constants) if constants else ZERO, terms)
+
+
+def is_late(atom: Atom) -> bool:
+    """Return whether an atom is an acceleration or a multiplier, which the equations of motion determine."""
+    return isinstance(atom, Argument) and atom.array in (ACCELERATION, MULTIPLIER)
+
+
+class Terms:
+    """Converts nodes to sums of atoms.
+
+    Parameters
+    ----------
+    values
+        Named terms of the nodes.
+    n
+        Number of coordinates: ``work`` has their accelerations, then the multipliers.
+    """
+
+    def __init__(self, values: Mapping[str, Node], n: int) -> None:
+        self.values, self.n = values, n
+        self.named: dict[Atom, Linear] = {}
+        self._names: dict[Linear, Atom] = {}
+        self._known: dict[str, Linear] = {}
+        self._early: dict[Atom, bool] = {}
+        self._levels: dict[Atom, int] = {}
+        self._numbers: dict[Atom, int] = {}
+
+    def of(self, node: Node) -> Linear:
+        """Return a node as a sum of atoms.
+
+        Raises
+        ------
+        DerivationError
+            For a function without a recurrence.
+        """
+        match node:
+            case Constant():
+                return Linear(node)
+            case Reference(name):
+                if name not in self._known:
+                    self._known[name] = self._of_name(name)
+                return self._known[name]
+            case Negative(value):
+                return self.of(value).scaled(_MINUS_ONE)
+            case Sum():
+                terms = zip(signs(node), map(self.of, children(node)), strict=True)
+                return total(x if sign > 0 else x.scaled(_MINUS_ONE) for sign, x in terms)
+            case Product((first, *others)):
+                result = self.of(first)
+                for factor in others:
+                    result = self.times(result, self.of(factor))
+                return result
+            case Quotient(numerator, denominator):
+                return self.over(self.of(numerator), self.of(denominator))
+            case Call(function, arguments):
+                parts = [self.of(x) for x in arguments]
+                if all(x.is_constant for x in parts):
+                    return Linear(Call(function, tuple(x.constant for x in parts)))
+                return self._call(function, parts)
+        raise TypeError(f"not a node: {node!r}")
+
+    def _of_name(self, name: str) -> Linear:
+        array, bracket, place = name.partition("[")
+        if not bracket:
+            found = self.of(self.values[name])
+            if len(found.terms) < 2:
+                return found
+            return unit(self._names.setdefault(found, self._name(found, name)))
+        if array == "p":
+            return Linear(Reference(name))
+        i = int(place[:-1])
+        if array == "work":
+            array, i = (ACCELERATION, i) if i < self.n else (MULTIPLIER, i - self.n)
+        return unit(Argument(array, i))
+
+    def _name(self, x: Linear, name: str) -> Atom:
+        atom = Value(name)
+        self.named[atom] = x
+        return atom
+
+    def atom(self, x: Linear) -> Atom:
+        """Return the atom that a sum is; a sum of several terms is named."""
+        if len(x.terms) == 1 and x.constant == ZERO and x.terms[0][1] == ONE:
+            return x.terms[0][0]
+        if x not in self._names:
+            self._names[x] = self._name(x, f"v{len(self.named)}")
+        return self._names[x]
+
+    def times(self, x: Linear, y: Linear) -> Linear:
+        """Return a product; factors that are constant in time come before it."""
+        if x.is_constant or y.is_constant:
+            return y.scaled(x.constant) if x.is_constant else x.scaled(y.constant)
+        (c, a), (d, b) = self._bare(x), self._bare(y)
+        first, second = sorted((a, b), key=lambda atom: (not is_late(atom), self.number(atom)))
+        return unit(Times(first, second)).scaled(multiply(c, d))
+
+    def _bare(self, x: Linear) -> tuple[Node, Atom]:
+        if len(x.terms) == 1 and x.constant == ZERO:
+            atom, coefficient = x.terms[0]
+            return coefficient, atom
+        return ONE, self.atom(x)
+
+    def over(self, x: Linear, y: Linear) -> Linear:
+        """Return a quotient."""
+        if y.is_constant:
+            return x.scaled(reciprocal(y.constant))
+        if x.is_constant:
+            return unit(Function("quotient", (Linear(ONE),), (self.atom(y),))).scaled(x.constant)
+        return unit(Function("quotient", (x,), (self.atom(y),)))
+
+    def _call(self, name: str, parts: list[Linear]) -> Linear:
+        x = parts[0]
+        of_it = self.atom(x)
+        match name:
+            case "sqrt":
+                return unit(Function(name, (x,)))
+            case "exp" | "sin" | "cos" | "sinh" | "cosh":
+                return unit(Function(name, (), (of_it,)))
+            case "log" | "fabs":
+                return unit(Function(name, (x,), (of_it,)))
+            case "tan" | "tanh":
+                above, below = ("sin", "cos") if name == "tan" else ("sinh", "cosh")
+                return self.over(*(unit(Function(f, (), (of_it,))) for f in (above, below)))
+            case "atan":
+                below_it = total([Linear(ONE), self.times(x, x)])
+                return unit(Function(name, (x,), (self.atom(below_it),)))
+            case "asin" | "acos":
+                square = total([Linear(ONE), self.times(x, x).scaled(_MINUS_ONE)])
+                sine = unit(Function("asin", (x,), (Function("sqrt", (square,)),)))
+                return sine if name == "asin" else total([Linear(_HALF_PI), sine.scaled(_MINUS_ONE)])
+            case "atan2":
+                y, x = parts
+                square = total([self.times(x, x), self.times(y, y)])
+                return unit(Function(name, (), (self.atom(y), self.atom(x), self.atom(square))))
+            case "fmax":
+                return unit(Function(name, tuple(parts), tuple(map(self.atom, parts))))
+            case "pow" if parts[1].is_constant:
+                return unit(Function(name, (), (of_it,), parts[1].constant))
+        raise DerivationError(f"there is no power series of the function {name}")
+
+    # -- properties of atoms -----------------------------------------------------------------------------
+
+    def number(self, atom: Atom) -> int:
+        """Return a number that orders atoms as they were found."""
+        return self._numbers.setdefault(atom, len(self._numbers))
+
+    def operands(self, atom: Atom) -> list[Atom]:
+        """Return the atoms of which coefficients are read."""
+        match atom:
+            case Value():
+                return [a for a, _ in self.named[atom].terms]
+            case Times(first, second):
+                return [first, second]
+            case Function(of=of, read=read):
+                return [*read, *(a for x in of for a, _ in x.terms)]
+        return []
+
+    def is_early(self, atom: Atom) -> bool:
+        """Return whether an atom is a sum of coordinates, the coefficient of whose next order is known."""
+        if atom not in self._early:
+            self._early[atom] = (isinstance(atom, Argument) and atom.array == Q) or (
+                isinstance(atom, Value) and all(map(self.is_early, self.operands(atom)))
+            )
+        return self._early[atom]
+
+    def level(self, atom: Atom) -> int:
+        """Return how many products and functions lead to an atom, one after the other."""
+        if atom not in self._levels:
+            below = max(map(self.level, self.operands(atom)), default=0)
+            self._levels[atom] = below + isinstance(atom, Times | Function)
+        return self._levels[atom]
+
+    def needed(self, sums: Iterable[Linear]) -> list[Atom]:
+        """Return the products and functions that sums need, in the order of their levels."""
+        done: dict[Atom, None] = {}  # whose order is that of the sums
+        waiting = [a for x in sums for a, _ in x.terms]
+        while waiting:
+            atom = waiting.pop()
+            if atom in done:
+                continue
+            done[atom] = None
+            waiting += self.operands(atom)
+            if isinstance(atom, Function) and atom.pair:
+                waiting.append(atom.pair)
+        found = (a for a in done if isinstance(a, Times | Function))
+        return sorted(found, key=self.level)
+
+    def quadratic(self, x: Linear) -> bool:
+        """Return whether a sum is a polynomial of second degree in the coordinates alone."""
+        return all(
+            self.is_early(a) or (isinstance(a, Times) and all(map(self.is_early, self.operands(a))))
+            for a, _ in x.terms
+        )
