@@ -88,11 +88,18 @@ def _carry_out(
     result = _call(getattr(model._carrier(name), f"_{name}"), arguments, common)
     if name in _MOVING:
         # The caller may change arrays and states.
-        arguments = {n: v if callable(v) else deepcopy(v) for n, v in arguments.items() if n not in _OUTSIDE}
+        arguments = {n: _kept(v) for n, v in arguments.items() if n not in _OUTSIDE}
         result._of_analysis(model, name, arguments)
     return result
 
 
+def _kept(value: Any) -> Any:
+    """Return a value that the caller cannot change."""
+    return value if callable(value) or isinstance(value, _FIXED) else deepcopy(value)
+
+
+#: Types of values that nobody can change.
+_FIXED = (float, int, str, type(None))
 #: Analyses whose results have an animation, and arguments without effect on these results.
 _MOVING = (
     "simulate",
