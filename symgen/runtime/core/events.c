@@ -32,8 +32,13 @@ static void continue_row(struct run *run, int k) {
         row[i] = continued(run, i, row[i - events], row[i]);
 }
 
-/* Write the cubic through both ends of the step, accurate enough to detect crossings. */
-void hermite(const struct run *run, real h, real x, real *y) {
+/* Write the cubic through both ends of the step, accurate enough to detect crossings; in long steps, whose interpolant
+   needs no preparation, that one. */
+void hermite(struct run *run, real h, real x, real *y) {
+    if (run->scheme.kind->longest) {
+        run->scheme.kind->interpolate(run, h, x, y);
+        return;
+    }
     for (long i = 0; i < run->dim; i++)
         y[i] = run->y[i] + x * x * (R(3) - R(2) * x) * (run->y_new[i] - run->y[i])
                + h * x * (R(1) - x) * ((R(1) - x) * run->f[i] - x * run->f_new[i]);

@@ -251,7 +251,7 @@ void locate_events(struct run *run, real t_new, real h, int *prepared);
 /* hermite: the cubic through both ends of the step. move_to: the interpolant of the step on the constraints, in
    run->stage, with the values of the events there. narrowed: the instant between a and b at which an event passes
    zero. */
-void hermite(const struct run *run, real h, real x, real *y);
+void hermite(struct run *run, real h, real x, real *y);
 void move_to(struct run *run, real h, real theta);
 real narrowed(struct run *run, real h, long index, real a, real at_a, real b, real at_b);
 /* Take one step of this length and project its end: DONE; AGAIN with the next length in state->h; or the status of

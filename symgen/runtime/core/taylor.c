@@ -162,9 +162,12 @@ static int begin(struct run *run) {
     return expand(run, 0, run->state->t, run->y, run->f);
 }
 
+/* Events, jumps of loads and revolutions are looked for at probes, whose number in a step is that of shorter steps. */
 static real longest(const struct run *run) {
     const struct taylor x = taylor_of(run);
-    return x.longest[*x.present];
+    const struct sizes *s = &run->e->sizes;
+    const int is_watched = s->events || s->switches || s->windings || s->turns;
+    return x.longest[*x.present] * (is_watched ? R(0.25) : R(1));
 }
 
 static int step(struct run *run, real t, real h, real t_new) {

@@ -158,3 +158,19 @@ def test_method_has_the_order_that_a_tolerance_needs():
     steps = [model.simulate(2.0, method="taylor", rtol=r).statistics["steps"] for r in (1e-6, 1e-9, 1e-12)]
     assert steps[2] < 1.4 * steps[0]
     assert INTEGRATORS["taylor"].coefficients == {"order": 0}
+
+
+def test_events_and_revolutions_of_a_fast_rotor_are_counted():
+    """A balanced bar at 50 rad/s with a weak spring: its steps would be longer than a revolution."""
+    bar = {"points": {"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["1 m", "0 m"]}}}
+    scene = symgen.Scene(
+        **bar,
+        links={"bar": {"points": ["O", "A"], "mass": "1 kg"}},
+        springs=[{"between": ["O", "A"], "stiffness": "1 N/m", "length": "1 m"}],
+        start={"rates": {"bar": "50 rad/s"}},
+        events=[{"name": "up", "of": "A.position.x", "direction": "falling"}],
+        analysis={"outputs": ["bar.angle", "A.position"]},
+    )
+    run = symgen.build(scene).simulate(2.0, samples=3, method="taylor", rtol=1e-10)
+    assert run["bar.angle"].values == pytest.approx([0.0, 50.0, 100.0], abs=1e-7)
+    assert len(run.events) == 16
