@@ -226,7 +226,7 @@ ELEMENT: Sources = (
     ("load_y", "thesis (B.4): integral of m [D]^T (X)"),
     ("load_out", "thesis (B.6): integral of m x [D]^T (x)"),
     ("load_turn", "thesis (B.7): integral of m x [D]^T (X)"),
-    ("shape", "thesis (5.23)"),
+    ("shape", "thesis (5.19), (5.20)"),
 )
 #: Of the element of the thesis: its printed matrices.
 PRINTED_ELEMENT: Sources = (
@@ -239,14 +239,13 @@ PRINTED_ELEMENT: Sources = (
     ("constant_load_turn", "thesis (B.7), (B.19), times m: integral of x [D]^T (X)"),
     (
         "shape",
-        "thesis (5.3), (5.7), (5.16)-(5.18), (B.8); (5.23), corrected; "
-        "u (5.20), (6.16), (6.19); u (5.2), (5.5), (5.6), (5.8), (5.12), (C.7): steps to row u; "
+        "thesis (5.3), (5.7); "
+        "u (5.20), (6.16), (6.19); u (5.2), (5.5), (5.6), (C.7): steps to row u; "
         "u:u1 (6.17), corrected, (C.8), (C.10); u:u2 (6.18), (C.13); "
-        "w (5.19), (6.22), (D.1); w (5.1), (5.4), (5.9), (5.13): steps to row w; "
+        "w (5.19), (6.22), (D.1); w (5.1), (5.4): steps to row w; "
         "w:w1 (6.23), (C.16); w:theta1 (6.24), (C.17); w:kappa1 (6.25), corrected, (C.18); "
         "w:w2 (6.26), (C.19); w:theta2 (6.27), (C.20); w:kappa2 (6.28), corrected, (C.21); slope (D.2); "
-        "slope (5.10), (5.14): steps to row w; curvature (D.3), (D.4); "
-        "curvature (5.11), (5.15): steps to row w",
+        "curvature (D.3), (D.4)",
     ),
     *ELEMENT,
     ("thesis_local_stiffness", "thesis (7.26), (F.5), corrected"),

@@ -330,7 +330,7 @@ def elastic_record(of_element: System | None = None) -> tuple[Step, ...]:
         source = "thesis, Chapter VI, Appendices A to E"
         steps = (*steps, Step("Elastic link: fields of an element", about, source, system, further))
     letters = (
-        (element_equations(), "thesis, Eqs. (6.13)-(7.28)"),
+        (element_equations(), "thesis, Eqs. (5.16)-(7.28)"),
         (condensed_equations(), "thesis, Eqs. (E.22)-(E.29)"),
     )
     about = "The equations as the thesis prints them; symgen show lists the matrix of each letter below them."

@@ -1,6 +1,6 @@
 """Equations between whole vectors and matrices: with the named matrices inserted they are those of mechanics.
 
-The thesis' (6.13), (7.7), (7.9), (7.23), (7.28), (E.25) and (E.29). Numbers are rational, so that sides are equal
+The thesis' (5.16), (5.17), (6.13), (7.7), (7.9), (7.23), (7.28), (E.25) and (E.29). Numbers are rational, so that sides are equal
 exactly; those of a linkage have 30 digits.
 """
 
@@ -170,6 +170,32 @@ def shown_by(*arguments):
 def one(number, subject=BEAM):
     (m, system) = next((c.matrices[0], c.system) for c in subject.found(number) if c.matrices[0].in_letters)
     return m, system
+
+
+def test_polynomial_coefficients_give_the_unknowns_and_follow_from_them(link):
+    """(5.16), (5.17) with the shape functions as the polynomials, and (5.23) beside its inverse, to 30 digits."""
+    length, x, system = sp.Float("1.7", 30), sp.Symbol("x", real=True), BEAM.steps
+    known = {q.symbol: length for q in system.quantities() if q.name == "L"}
+    matrix, inverse = (
+        sp.Matrix(system[n].matrix.xreplace(known)) for n in ("coefficients", "inverse_coefficients")
+    )
+    assert max(map(abs, matrix * inverse - sp.eye(8))) < sp.Float("1e-26", 30)
+    u, w = (sp.zeros(1, 8) for _ in "uw")
+    for k, name in enumerate(system["coefficients"].columns):
+        (u if name[0] == "B" else w)[k] = x ** int(name[1])
+    shape = BEAM.system.expanded("shape")[:2, :].xreplace(
+        known | {s: length for s in link.symbols("shape") if s.name == "L"}
+    )
+    for row, powers in zip(shape.tolist(), (u, w), strict=True):
+        for entry, other in zip(row, powers * inverse, strict=True):
+            difference = sp.Poly(entry - other, x).all_coeffs()
+            assert max(map(abs, difference)) < sp.Float("1e-26", 30)
+    values = {"(S)": link.states[0], "[C]": matrix, "(A)": inverse * link.states[0]}
+    for number in ("5.16", "5.17"):
+        left, right = sides(one(number)[0], values)
+        assert max(map(abs, left - right)) < sp.Float("1e-25", 30)
+    assert "A5 by theta2 is printed -3/L^5" in shown_by("element_beam8", "5.23")
+    assert abs(inverse[7, 6] + 3 / length**4) < sp.Float("1e-26", 30)
 
 
 @pytest.mark.parametrize("number", ["6.13", "7.7", "7.8", "7.9"])

@@ -155,7 +155,8 @@ ROWS = [
     ("rigid_element", "(4.6)", {"inertia": "moment"}),
     ("rigid_element", "(4.9)", {"nodal_matrix": "moment", "inertia": "moment"}),
     ("synthesis_limits", "3.5", {"residual": "extended_angles F2 G2"}),
-    ("element_beam8", "(5.8)", {"shape": "u"}),
+    ("element_beam8", "(5.8)", {"coefficients": "u1"}),
+    ("element_beam8", "(5.14)", {"coefficients": "theta2"}),
     ("element_beam8", "(A.1)", {"kinetic_terms": "A.4, A.8 E, A.9 B, A.10 A, A.11 G, A.12 M"}),
     (
         "element_beam8",

@@ -53,6 +53,8 @@ VECTORS = {
         ("L", "w", 1, "load_turn"),
     )
 }
+POLYNOMIAL = bracketed("(A)", _SI, f"coefficients of u and w: rows of {_AS} inverse_coefficients")
+COEFFICIENTS = bracketed("[C]", _SI, f"unknowns by coefficients of u and w: {_AS} coefficients")
 _A, _B, _MASS = (
     bracketed(f"[{letter}]", _SI, f"integral of N_{of[0]}^T N_{of[1]}: {_AS} {letter}")
     for letter, of in (("A", "uw"), ("B", "uu"), ("M", "ww"))
@@ -67,7 +69,22 @@ STIFFNESS, MD, AD, KD, Q = (
         ("(Q)", "load of the rigid motion", "Q, with gravity"),
     )
 )
-LETTERS = *STATE, *VARIED, *VARIED_ENERGY, *VECTORS.values(), _A, _B, _MASS, STIFFNESS, MD, AD, KD, Q
+LETTERS = (
+    *STATE,
+    POLYNOMIAL,
+    COEFFICIENTS,
+    *VARIED,
+    *VARIED_ENERGY,
+    *VECTORS.values(),
+    _A,
+    _B,
+    _MASS,
+    STIFFNESS,
+    MD,
+    AD,
+    KD,
+    Q,
+)
 #: Integrals of products of shape functions, by both fields.
 _PRODUCTS = {
     "uu": _B.symbol, "uw": _A.symbol, "wu": sp.transpose(_A.symbol), "ww": _MASS.symbol
@@ -96,7 +113,7 @@ class _Term:
 
 
 def element_equations() -> System:
-    """Return the equations (6.13), (7.7), (7.9), (7.23) and (7.28) in letters; no kernels."""
+    """Return the equations (5.16), (5.17), (6.13), (7.7), (7.9), (7.23) and (7.28) in letters; no kernels."""
     return _system(
         "elastic_link_letters", "Elastic link in vectors and matrices", (*MOTION, *LETTERS), _of_element()
     )
@@ -123,6 +140,14 @@ def _of_element() -> Iterator[NamedMatrix]:
         sp.Rational(1, 2) * m * _sum(2 * factor / m * _form(fields, k) for factor, fields, k in products)
     )
     strain = sp.transpose(_S) * STIFFNESS.symbol
+    yield _equation(
+        "unknowns_of_element", _S, COEFFICIENTS.symbol * POLYNOMIAL.symbol, _SI,
+        "unknowns of the element by the coefficients of u and w", "(5.16)",
+    )  # fmt: skip
+    yield _equation(
+        "coefficients_of_element", POLYNOMIAL.symbol, COEFFICIENTS.symbol**-1 * _S, _SI,
+        "coefficients of u and w by the unknowns of the element", "(5.17)",
+    )  # fmt: skip
     yield _equation(
         "kinetic_energy_of_element", T.symbol, kinetic, "J",
         "kinetic energy of an element of constant section; symgen adds rotary inertia", "(6.13)",

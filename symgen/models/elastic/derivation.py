@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import sympy as sp
+from sympy.polys.matrices import DomainMatrix
 
 from symgen.elements.element import LENGTH, PLACE, Element, derivative, entry_unit, shape_functions
 from symgen.mechanics.elastic.beam_matrices import (
@@ -25,6 +26,7 @@ from symgen.mechanics.elastic.hamilton import (
     X,
     derive,
 )
+from symgen.mechanics.elastic.letters import COEFFICIENTS
 from symgen.mechanics.elastic.moving_frame import POINT, POINT_RATES, from_fixed_axes
 from symgen.mechanics.elastic.turning_axes import COSINE, SINE, local_equation, transformation
 from symgen.models.elastic.element import SHOWN
@@ -38,6 +40,8 @@ _MASS = quantity("m0", "kg/m", "mass per length")
 _ERRATA = 19, 20
 #: Powers of the unit of length in mode functions by the unit of their unknown.
 _POWERS = {"m": 0, "rad": 1, "1/m": 2}
+#: Coefficients of x^k in u, which are B, and in w, which are A, in the order of the thesis.
+_POLYNOMIALS = ("u", 0), ("w", 0), ("w", 1), ("w", 2), ("u", 1), ("w", 3), ("w", 4), ("w", 5)
 
 
 def elastic_derivation_system(element: Element | None = None) -> System:
@@ -75,9 +79,10 @@ def elastic_derivation_system(element: Element | None = None) -> System:
             ]
             rates = [quantity(f"{q.name}_t", f"{q.unit}/s", f"rate of {q.name}") for q in unknowns]
             groups.append(Group("unknowns", "unknowns of the element and their rates", (*unknowns, *rates)))
+            groups.append(Group("coefficients", "unknowns by coefficients of u and w", (COEFFICIENTS,)))
             energy, definitions = _energy(element, unknowns)
             load, entries = _load(element)
-            of_element += [*_fields(element, unknowns, rates), *energy, load]
+            of_element += [*_coefficients(element), *_fields(element, unknowns, rates), *energy, load]
             definitions += entries
     return System(
         "elastic_link_derivation",
@@ -112,6 +117,33 @@ def _of_element(element: Element) -> Iterator[NamedMatrix]:
         names,
         source="thesis (E.1)-(E.7); (E.9), (E.14): its transpose",
     )
+
+
+def _coefficients(element: Element) -> Iterator[NamedMatrix]:
+    """Yield the unknowns by the coefficients of u and w as polynomials in x, and the inverse."""
+    x, fields = X.symbol, {"phi": ("w", 1)}  # without shear the section turns by the slope w'
+    rows = []
+    for dof, end in element.places():
+        field, order = fields.get(dof.field, (dof.field, 0))
+        rows.append(
+            [
+                sp.diff(x**k, x, order + dof.order).subs(x, end * LENGTH.symbol) if of == field else 0
+                for of, k in _POLYNOMIALS
+            ]
+        )
+    matrix = DomainMatrix.from_Matrix(sp.Matrix(rows)).to_field()
+    names = tuple(f"{'B' if of == 'u' else 'A'}{k}" for of, k in _POLYNOMIALS)
+    about = "u = B0 + B1 x and w = A0 + A1 x + ... + A5 x^5"
+    conditions = "; ".join(f"{dof} (5.{k})" for k, dof in enumerate(element.dofs, 8))
+    yield NamedMatrix(
+        "coefficients", sp.ImmutableMatrix(rows), "SI", f"unknowns by the coefficients of {about}",
+        element.dofs, names, source=f"thesis (5.16), (5.18); {conditions}", left=COEFFICIENTS.symbol,
+    )  # fmt: skip
+    yield NamedMatrix(
+        "inverse_coefficients", sp.ImmutableMatrix(matrix.inv().to_Matrix()), "SI",
+        f"coefficients of {about} by the unknowns", names, element.dofs, left=COEFFICIENTS.symbol**-1,
+        source="thesis (5.17), (B.8); (5.23), corrected: A5 by theta2 is printed -3/L^5",
+    )  # fmt: skip
 
 
 def _fields(
