@@ -30,8 +30,9 @@ ROD: Sources = (
     ("angular_momentum", "Attia (7)"),
     (
         "projected_momentum",
-        "Attia, section 2.2, corrected: theta in the quadrant of the rod; u_bar (8a), printed as (1); "
-        "u_hat (8b), printed as (2)",
+        "Attia, section 2.2, corrected: theta in the quadrant of the rod; theta and phi are eliminated by "
+        "r31_x = rho cos(theta), r31_y = rho sin(theta), rho = l cos(phi), r31_z = l sin(phi); G: the right "
+        "side of angular_momentum; u_bar (8a), printed as (1); u_hat (8b), printed as (2)",
     ),
     ("distance", "Attia (3a)"),
     ("constraint", "half of distance"),
@@ -133,11 +134,11 @@ PATHS: Sources = (
     ("*_binor", "Rahman (46)-(48), corrected: centres of mass"),
     ("joint_1_velocity", "Rahman (29)"),
     ("joint_2_velocity", "Rahman (30), corrected: axis of eta"),
-    ("joint_3_velocity", "Rahman (31), corrected: axis of eta; its negative is (31a)"),
+    ("joint_3_velocity", "Rahman (31), corrected: axis of eta, alpha3 varies; its negative is (31a)"),
     ("joint_4_velocity", "Rahman (32)"),
     ("joint_*_velocity", "Rahman (29)-(32), corrected: axes of eta"),
     ("rod_motion_in_2", "Rahman (34), corrected: axes of eta"),
-    ("slider_motion_in_3", "Rahman (44), corrected: axes of eta"),
+    ("slider_motion_in_3", "Rahman (44), corrected: axes of eta, alpha3 varies"),
     ("*_motion_in_*", "as Rahman (34), (44), corrected: axes of eta"),
     ("crank_motion_forward", "Rahman (33), (33a)"),
     ("rod_motion_forward", "Rahman (35), (35a), corrected: axes of eta"),

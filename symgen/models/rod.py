@@ -15,7 +15,7 @@ from symgen.mechanics.rods.particles import (
     printed_particle_masses,
 )
 from symgen.mechanics.sources import ROD
-from symgen.symbolic.calculus import Calculus
+from symgen.symbolic.calculus import ZERO, Calculus
 from symgen.symbolic.quantity import AXES, Quantity, quantity
 from symgen.symbolic.system import Definition, Export, Group, NamedMatrix, System
 from symgen.symbolic.vectors import cross
@@ -87,7 +87,9 @@ def rod_system(dimension: int) -> System:
         ),
         _matrix("kinetic_energy", [kinetic_energy(named, start, end)], "J", "kinetic energy"),
         _matrix("constraint", [phi], "m^2", "length constraint, whose gradient is r31"),
-        _matrix("velocity_constraint", [calculus.rate(phi)], "m^2/s", "rate of the constraint; zero"),
+        _matrix(
+            "velocity_constraint", [calculus.rate(phi)], "m^2/s", "rate of the constraint; zero", left=ZERO
+        ),
         NamedMatrix(
             "constraint_jacobian",
             calculus.jacobian([phi]),
@@ -162,7 +164,9 @@ def _particles(
     conditions = "mass, first and second moment of the particles, less those of the rod; zero"
     places, names = ("start", "middle", "end"), ("r1", "r3")
     return (
-        _matrix("particle_conditions", three, "kg, kg*m, kg*m^2", conditions, ("mass", "first", "second")),
+        _matrix(
+            "particle_conditions", three, "kg, kg*m, kg*m^2", conditions, ("mass", "first", "second"), ZERO
+        ),
         _matrix(
             "particle_masses", [m1, m2, m3], "kg", f"equivalent particles at {', '.join(places)}", places
         ),
@@ -214,6 +218,7 @@ def _three_particles(
             unit,
             f"{noun} of the middle particle less the mean of those of the ends; zero",
             axes,
+            ZERO,
         )
         for k, ((_, unit, noun), x) in enumerate(zip(_MOTION, ends, strict=True))
     )
@@ -228,12 +233,15 @@ def _distance(
     squares = [x**2 for x in along]
     second = [x * a + calculus.rate(x) ** 2 for x, a in zip(along, relative, strict=True)]
     return (
-        _matrix("distance", [sp.Add(*squares, -(length**2))], "m^2", "squared distance less l^2; zero"),
+        _matrix(
+            "distance", [sp.Add(*squares, -(length**2))], "m^2", "squared distance less l^2; zero", left=ZERO
+        ),
         _matrix(
             "acceleration_constraint",
             [sp.Add(*second)],
             "m^2/s^2",
             "second rate of the constraint; zero",
+            left=ZERO,
         ),
     )
 
@@ -317,7 +325,7 @@ def _matrix(
     unit: str,
     description: str,
     rows: tuple[str, ...] = (),
-    left: sp.Symbol | None = None,
+    left: sp.Expr | None = None,
 ) -> NamedMatrix:
     column = sp.ImmutableMatrix(len(entries), 1, entries)
     return NamedMatrix(name, column, unit, description, rows, left=left)

@@ -367,7 +367,12 @@ class DerivedMatrix(sp.ImmutableMatrix):
 
 
 class DerivedEquation(sp.Equality):
-    """A SymPy equation that notebooks show in the notation of symgen."""
+    """A SymPy equation in the notation of symgen, which is never evaluated, even 0 = x for x > 0."""
+
+    def __new__(cls, left: sp.Basic, right: sp.Basic, **options: Any) -> DerivedEquation:
+        """Return the equation."""
+        equation: DerivedEquation = super().__new__(cls, left, right, evaluate=False)
+        return equation
 
     def _repr_latex_(self) -> str:
         return f"$\\displaystyle {latex(self)}$"

@@ -27,8 +27,9 @@ class NamedMatrix:
 
     ``unit`` is one unit for all entries, or several in row order joined by ``", "``. ``source`` is the
     equation of the source, as in "Attia (7)", or "not in the source"; empty where it is not stated. ``left``
-    is the left side of the equation in the letters of the source: that of the matrix alone, or declared ones,
-    or the column of those of its rows. One entry in letters of whole vectors and matrices is its right side.
+    is the left side of the equation in the letters of the source: that of the matrix alone, zero, or declared
+    ones, or the column of those of its rows. One entry in letters of whole vectors and matrices is its right
+    side.
     """
 
     name: str
@@ -51,7 +52,7 @@ class NamedMatrix:
     @property
     def in_letters(self) -> bool:
         """Whether this is an equation between whole vectors and matrices."""
-        alone = self.left is not None and not self.lefts and self.matrix.shape == (1, 1)
+        alone = self.left is not None and self.left != 0 and not self.lefts and self.matrix.shape == (1, 1)
         return alone and (self.matrix[0, 0] == 0 or not self.matrix[0, 0].is_commutative)
 
     @property
@@ -71,7 +72,7 @@ class NamedMatrix:
 
         right = self.matrix[0, 0] if self.matrix.shape == (1, 1) else self.matrix
         left = self.lefts[0] if len(self.lefts) == 1 else self.left
-        return right if left is None else DerivedEquation(left, right, evaluate=False)
+        return right if left is None else DerivedEquation(left, right)
 
     def part(self, rows: Sequence[str] = (), columns: Sequence[str] = ()) -> NamedMatrix:
         """Return some rows and columns, by name or by number from 1; all of them if none is given.
@@ -91,7 +92,7 @@ class NamedMatrix:
         if "; " in self.unit:  # zeros have any unit
             chosen = [at for at in chosen if m[at] != 0] or chosen
         unit = own_unit(self.unit, (self.rows, self.columns), m.shape, chosen) if chosen else self.unit
-        whole_left = None if rows or columns else self.left
+        whole_left = None if self.left != 0 and (rows or columns) else self.left
         left = sp.ImmutableMatrix([self.lefts[k] for k in i]) if self.lefts else whole_left
         return replace(
             self,

@@ -263,8 +263,9 @@ def test_letters_of_shared_vectors_are_explained_once():
 
 
 def test_the_heading_of_rows_names_those_that_are_shown():
-    assert shown("vertical_rods", "10a").startswith("lower_moment: rows lower_t1, lower_t2: rate")
-    assert shown("vertical_rods", "10a", "--rows", "lower_t1").startswith("lower_moment: row lower_t1: rate")
+    assert shown("vertical_rods", "10a").startswith("lower_moment: row u_bar_lower: rate")
+    assert shown("rigid_element", "4.3").startswith("levers: rows R_x, R_y: ")
+    assert shown("rigid_element", "4.3", "--rows", "R_x").startswith("levers: row R_x: ")
 
 
 @pytest.mark.parametrize(

@@ -65,20 +65,27 @@ def test_every_matrix_states_its_source(name):
         (
             "four_bar",
             "momentum_rows.crank_moment",
-            "Attia (12), the masses at a joint are those of both rods",
+            "Attia (12), the masses at a joint are those of both rods; for rod j = crank, particle 2j-1 = O; "
+            "uniform rods: m1 = m/6, m2 = 2 m/3, m3 = m/6",
         ),
-        ("triple_pendulum", "momentum_rows.BC_moment", "Attia (9), (12)"),
+        (
+            "triple_pendulum",
+            "momentum_rows.BC_moment",
+            "Attia (9), (12); for rod N = BC, particle 2N-1 = B",  # its centre of mass is not in the middle
+        ),
         (
             "vertical_rods",
             "momentum_rows.lower_moment",
-            "Attia (10), (13), corrected: couples across the rod; lower_t1-lower_t2 (10a), (13a), (10b), (13b): "
-            "a pair across lower in the place of u_bar and u_hat",
+            "Attia (10), (13), corrected: couples across the rod; for rod N = lower, particle 2N-1 = A; uniform "
+            "rod: m1 = m/6, m2 = 2 m/3, m3 = m/6; u_bar, u_hat of section 2.2 for e in place of z, the axis "
+            "along which the rod is shortest; u_bar_lower (10a), (13a); u_hat_lower (10b), (13b)",
         ),
         (
             "rod_spatial",
             "projected_momentum",
-            "Attia, section 2.2, corrected: theta in the quadrant of the rod; u_bar (8a), printed as (1); "
-            "u_hat (8b), printed as (2)",
+            "Attia, section 2.2, corrected: theta in the quadrant of the rod; theta and phi are eliminated by "
+            "r31_x = rho cos(theta), r31_y = rho sin(theta), rho = l cos(phi), r31_z = l sin(phi); G: the "
+            "right side of angular_momentum; u_bar (8a), printed as (1); u_hat (8b), printed as (2)",
         ),
         ("four_bar", "momentum_rows.crank_length", "Attia (14)"),
         ("four_bar", "momentum_rows.O_momentum", "Attia (15), the masses at a joint are those of both rods"),
@@ -213,9 +220,34 @@ def test_without_the_middle_particle_its_equations_become_those_of_the_ends(name
         assert [x for x in names if x != "projected_momentum"] == [matrix]  # (8a), (8b), printed as (1), (2)
 
 
-@pytest.mark.parametrize(("number", "left"), [("1", "R"), ("2", "G₁"), ("6", "R"), ("7", "G₁")])
+@pytest.mark.parametrize(
+    ("number", "left"),
+    [
+        ("1", "R"),
+        ("2", "G₁"),
+        ("6", "R"),
+        ("7", "G₁"),
+        *((x, "0") for x in ("3a", "3b", "4a", "4b", "5a", "5b")),
+    ],
+)
 def test_the_left_side_is_that_of_the_print(number, left):
     assert f"\n{left} =" in call("show", "rod_spatial", number)
+
+
+def test_both_moments_of_a_rod_in_a_chain_are_those_of_one_rod():
+    """(10) of the last rod is (8) where the axis e is z: u_bar and u_hat by (8), for e = z."""
+    chain, rod = subject("vertical_rods").choose("momentum_rows.lower_moment").system, BLOCKS["rod_spatial"]()
+    numbers = [sp.Integer(x) for x in (13, 1, 2, 3, 13, 6, 6)]  # 12, 4, 3: shortest along z, of length 13
+
+    def vector(system, name, arguments):
+        known = {sp.Symbol(x, real=True): value for x, value in zip(arguments, numbers, strict=True)}
+        for d in system.definitions:
+            known[d.quantity.symbol] = d.expression.xreplace(known)
+        return [known.get(sp.Symbol(f"{name}_{a}", real=True), 0) for a in "xyz"]  # zero has no letter
+
+    for name in ("u_bar", "u_hat"):
+        in_chain = vector(chain, f"{name}_lower", ("l_lower", "A_x", "A_y", "A_z", "B_x", "B_y", "B_z"))
+        assert in_chain == vector(rod, name, ("l", "r1_x", "r1_y", "r1_z", "r3_x", "r3_y", "r3_z"))
 
 
 @pytest.mark.parametrize("name", ["rod", "rod_spatial"])

@@ -124,8 +124,8 @@ def test_cases_in_text():
     assert "(0 if " in shown and "1 if x < z, otherwise 2)" in shown
     assert "y ≥ |x|" in shown and " and (" in shown and " or " in shown and "Piecewise" not in shown
     lines = call("show", "vertical_rods", "momentum_rows.upper_moment")
-    assert "upper_e_x = (1 if |d_upper_x| ≤ |d_upper_y| and |d_upper_x| ≤ |d_upper_z|, otherwise 0)" in lines
-    assert "upper_e_z = -upper_e_x - upper_e_y + 1" in lines
+    assert "e_upper_x = (1 if |d_upper_x| ≤ |d_upper_y| and |d_upper_x| ≤ |d_upper_z|, otherwise 0)" in lines
+    assert "e_upper_z = -e_upper_x - e_upper_y + 1" in lines
 
 
 def test_entries_and_blocks_hold_the_whole_matrix():

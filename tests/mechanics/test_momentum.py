@@ -141,7 +141,7 @@ def axes(place, points):
     if len(d) == 2:
         return [None]
     k = min(range(3), key=lambda i: abs(d[i]))
-    first = d.cross(sp.Matrix([int(i == k) for i in range(3)])).normalized()
+    first = sp.Matrix([int(i == k) for i in range(3)]).cross(d).normalized()
     return [first, d.normalized().cross(first)]
 
 
@@ -516,8 +516,8 @@ def test_show(tmp_path):
         shown("four_bar", "momentum_rows.crank_moment", "--format", "numeric")
     spatial = tmp_path / "pendulum.toml"
     spatial.write_text(PENDULUM)
-    assert "p_t1_x = (d_p_y⋅p_e_z - d_p_z⋅p_e_y)/p_across" in shown(str(spatial), "momentum_rows")
-    assert "p_t2 " in shown(str(spatial), "momentum_rows", "--format", "numeric")
+    assert "u_bar_p_x = (e_p_y⋅d_p_z - e_p_z⋅d_p_y)/ρ_p" in shown(str(spatial), "momentum_rows")
+    assert "u_hat_p " in shown(str(spatial), "momentum_rows", "--format", "numeric")
     with pytest.raises(symgen.SymgenError, match="chosen by cases"):
         shown(str(spatial), "momentum_rows", "--format", "c")
     with pytest.raises(symgen.SymgenError, match="Did you mean 'crank_moment'"):
@@ -528,7 +528,7 @@ def test_every_symbol_and_row_has_a_unit_and_a_source():
     rows = momentum_rows(random_scene((3, "tree", 5, False))[1])
     assert (
         rows["L0_moment"].source.startswith(
-            "Attia (13), corrected: couples across the rod; L0_t1-L0_t2 (13a)"
+            "Attia (13), corrected: couples across the rod; for rod j = L0, particle 2j-1 = "
         )
         and rows["L0_moment"].unit == "N*m"
     )

@@ -147,7 +147,7 @@ def matrix_from_latex(shown: str, m, system) -> sp.Matrix:
             left, _, right = " ".join(row.split()).partition(" &= ")
             found[places[left]] = from_latex(right, symbols)
         return found
-    inner = body.partition(r"\[")[2].partition(r"\]")[0].strip()
+    inner = body.partition(r"\[")[2].partition(r"\]")[0].strip().removeprefix("0 = ")
     if m.matrix.shape == (1, 1):
         found[0, 0] = from_latex(inner, symbols)
         return found

@@ -179,11 +179,11 @@ def smallest_axis(along: Vector) -> Vector:
 
 
 def perpendicular(along: Vector, axis: Vector) -> tuple[Vector, sp.Expr]:
-    """Return d x e and its norm: with e of :func:`smallest_axis` at least 0.8 of the norm of d.
+    """Return e x d and its norm: with e of :func:`smallest_axis` at least 0.8 of the norm of d.
 
-    The unit vectors t1 along d x e and t2 along d x t1 replace the angles of section 2.2: they need
+    The unit vectors u_bar along e x d and u_hat along d x u_bar are those of section 2.2 for e = z. They need
     no trigonometry and are regular in every direction, while the principal arc tangent of the text makes the
     two rows of Eq. (13) singular for rods at 45 degrees.
     """
     along_axis = dot(along, axis)
-    return moment(along, axis), sp.sqrt(dot(along, along) - along_axis**2)
+    return moment(axis, along), sp.sqrt(dot(along, along) - along_axis**2)

@@ -250,9 +250,9 @@ def named(
     description: str,
     rows: Sequence[str] = (),
     columns: Sequence[str] = (),
-    left: Sequence[sp.Expr] = (),
+    left: Sequence[sp.Expr] | sp.Expr = (),
 ) -> NamedMatrix:
-    """Return a NamedMatrix of any matrix, with the left sides of its rows."""
-    of_rows = sp.ImmutableMatrix(left) if left else None
+    """Return a NamedMatrix of any matrix, with its left side or those of its rows."""
+    sides = left if isinstance(left, sp.Expr) else sp.ImmutableMatrix(left) if left else None
     matrix = sp.ImmutableMatrix(entries)
-    return NamedMatrix(name, matrix, unit, description, tuple(rows), tuple(columns), left=of_rows)
+    return NamedMatrix(name, matrix, unit, description, tuple(rows), tuple(columns), left=sides)

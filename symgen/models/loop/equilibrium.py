@@ -14,6 +14,7 @@ from symgen.mechanics.sources import EQUILIBRIUM
 from symgen.models.loop.derivation import REFERENCE, LoopDerivation, named
 from symgen.models.loop.solved import is_slider_crank, solved_wrenches
 from symgen.scene.loop.loop import Loop
+from symgen.symbolic.calculus import ZERO
 from symgen.symbolic.dual import DualVector
 from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.system import Group, NamedMatrix, System
@@ -141,6 +142,7 @@ def _equilibrium(model: LoopDerivation, letters: _Letters, balls: Sequence[bool]
             "N, N*m",
             f"wrenches on {link} in its frame about its origin, less that of inertia; zero",
             _ROWS,
+            left=ZERO,
         )
         for k, link in enumerate(model.links)
     ]

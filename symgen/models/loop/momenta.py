@@ -26,7 +26,7 @@ def path_system(loop: Loop, path: str) -> System:
     """Return velocities, momenta and their rates by the ``forward`` or the ``backward`` path.
 
     Each link has those of the link before it on the path, V1_xp to V1_zd, as letters: real part (p) and dual
-    part (d) of its dual velocity. Letters stand for sums only.
+        part (d) of its dual velocity. A velocity without sums has no letters.
     """
     model = LoopDerivation(loop)
     meet = sum(map(len, model.rows)) if path == "forward" else 0
@@ -88,6 +88,7 @@ def closure_system(loop: Loop) -> System:
             "rad/s, m/s",
             f"dual velocity by the forward path less that by the backward path, {where}; zero",
             _VELOCITY,
+            left=sp.S.Zero,
         ),
         named(
             "closure_acceleration_rhs",
@@ -197,9 +198,11 @@ class _LinkNames(Names):
     def screw(
         self, name: str, vector: DualVector, kinds: tuple[tuple[str, str, str], tuple[str, str, str]], of: str
     ) -> DualVector:
-        """Return a dual vector, of a link with letters for its sums."""
+        """Return a dual vector, of a link with letters for its components if one of them is a sum."""
         link = self._ends.get(name)
         if link is None:
+            return vector
+        if not any(e.has(sp.Add) for e in vector.column):
             return vector
         ending = "_rate" if kinds is ACCELERATION else ""
         written = self.written(vector, link)
@@ -210,12 +213,10 @@ class _LinkNames(Names):
                 (f"V{link}_{a}{letter}{ending}", self.ordered(e), f"{a} component: {about}")
                 for a, e in zip(AXES, part, strict=True)
             ]
-            parts.append(tuple(self._letter(n, e, unit, of) if e.has(sp.Add) else e for n, e, of in ordered))
+            parts.append(tuple(self._letter(n, e, unit, of) if e != 0 else e for n, e, of in ordered))
         return DualVector(*parts)
 
     def _letter(self, name: str, e: sp.Expr, unit: str, meaning: str) -> sp.Expr:
-        if e.is_Atom:
-            return e
         new = quantity(free_name(name, self._taken_names), unit, meaning)
         self._letters[new.symbol] = Definition(new, e)
         return new.symbol
@@ -235,7 +236,7 @@ class _LinkNames(Names):
         """Return the inertia binor of a link with letters for its centre and its inertia about the origin."""
         of = self._links[link - 1]
         x, y, z = (
-            self._letter(f"g{link}_{a}", e, "m", f"{a} of the centre of mass of {of}")
+            e if e.is_Atom else self._letter(f"g{link}_{a}", e, "m", f"{a} of the centre of mass of {of}")
             for a, e in zip(AXES, inertia.centre, strict=True)
         )
         binor = Inertia(inertia.mass, (x, y, z), inertia.matrix).binor.as_mutable()
@@ -243,7 +244,8 @@ class _LinkNames(Names):
             for j, b in enumerate(AXES):
                 about = f"inertia of {of} about the origin of its frame"
                 name = f"I{link}_{min(a, b)}{max(a, b)}"
-                binor[3 + i, j] = self._letter(name, binor[3 + i, j], "kg*m^2", about)
+                if not binor[3 + i, j].is_Atom:
+                    binor[3 + i, j] = self._letter(name, binor[3 + i, j], "kg*m^2", about)
         return binor.as_immutable()
 
 

@@ -15,14 +15,14 @@ from functools import cached_property
 import sympy as sp
 
 from symgen.errors import DerivationError, SceneError
-from symgen.mechanics.rods.momentum import effective_lever, moment, perpendicular, smallest_axis
+from symgen.mechanics.rods.momentum import effective_lever, moment, particles, perpendicular, smallest_axis
 from symgen.mechanics.rods.particles import Vector
 from symgen.models.momentum.completeness import check_complete
 from symgen.models.momentum.cuts import closed, cut_linkage
 from symgen.models.momentum.outboard import Outboard
 from symgen.models.rods.linkage import REFERENCE, RodsModel
 from symgen.models.rods.matrix import named
-from symgen.scene.rods.linkage import TIME, Linkage
+from symgen.scene.rods.linkage import TIME, Linkage, RigidLink
 from symgen.symbolic.calculus import ONE, ZERO
 from symgen.symbolic.quantity import Quantity
 from symgen.symbolic.system import NO_SOURCE, Group, NamedMatrix, System
@@ -101,10 +101,10 @@ class MomentumForm(Outboard):
         bodies, points = self.tree.outboard(body)
         joint = self.tree.inner[body]
         pivot = self.model.position(joint)
-        about = f"rate of the moment of momentum of {', '.join(bodies)} about {joint}, less that of the loads"
-        rows = MomentumRows(
-            f"{body}_moment", "N*m", about, _moment_source(body, len(bodies) > 1, len(pivot) == 3)
-        )
+        of = f"{', '.join(bodies)} about {joint}"
+        about = f"rate of the moment of momentum of {of}, less the moment G of the loads"
+        source = _moment_source(body, joint, [self.link[b] for b in bodies], len(pivot) == 3)
+        rows = MomentumRows(f"{body}_moment", "N*m", about, source)
         levers: dict[str, list[Vector]] = {}
         for mass, shares, place in self.masses(bodies, points):
             lever = _difference(place, pivot)
@@ -128,15 +128,21 @@ class MomentumForm(Outboard):
                 rhs.append(known) if unknown is None else _add(coefficients, [(unknown, -known)])
             rows.rows.append(MomentumRow(axis_name, coefficients, sp.Add(*rhs)))
         if len(pivot) == 2:
+            (row,) = rows.rows
+            by_loads = self.define(f"G_{body}", row.rhs, "N*m", f"moment of the loads on {of}")
+            rows.rows = [replace(row, shown=_sum(row.coefficients) - by_loads)]
             return rows
         terms = [moment(lever, self.model.symbols(self.model.a[p])) for p, lever in weighted.items()]
         loads = [(moment(_difference(p.place, pivot), p.force), p.unknown) for p in pushes]
-        terms += [tuple(-c * (unknown or ONE) for c in load) for load, unknown in (*loads, *couples)]
-        whole = tuple(
-            self.define(f"{body}_moment_{axis}", sp.Add(*(t[i] for t in terms)), "N*m", f"{axis} {about}")
-            for i, axis in enumerate(self.model.axes)
-        )
-        rows.rows = [replace(row, shown=dot(axes[row.name], whole)) for row in rows.rows]
+        acting = [tuple(c * (unknown or ONE) for c in load) for load, unknown in (*loads, *couples)]
+        whole = []
+        for i, letter in enumerate(self.model.axes):
+            rate, sides = (sp.Add(*(t[i] for t in each)) for each in (terms, acting))
+            about = f"{letter} rate of the moment of momentum of {of}"
+            rate = self.define(f"{body}_moment_{letter}", rate, "N*m", about)
+            about = f"{letter} component of the moment of the loads on {of}"
+            whole.append(rate - self.define(f"G_{body}_{letter}", sides, "N*m", about))
+        rows.rows = [replace(row, shown=dot(axes[row.name], tuple(whole))) for row in rows.rows]
         return rows
 
     def _weighted_lever(self, body: str, point: str, terms: list[Vector]) -> Vector:
@@ -159,17 +165,15 @@ class MomentumForm(Outboard):
             known: dict[sp.Expr, sp.Expr] = {}
             for a, c in zip(names, vector, strict=True):
                 here = c.xreplace(known)
-                known[c] = self.define(f"{body}_{name}_{a}", here, unit, f"{a} component of {about}")
+                known[c] = self.define(f"{name}_{body}_{a}", here, unit, f"{a} component of {about}")
             return tuple(known[c] for c in vector)
 
         axis = define("e", smallest_axis(d), "1", f"the axis nearest to lying across {body}")
         crossed, size = perpendicular(d, axis)
-        size = self.define(f"{body}_across", size, "m", f"size of the product of {body}_d and {body}_e")
-        first = define("t1", tuple(c / size for c in crossed), "1", f"a unit vector across {body}")
-        second = define(
-            "t2", tuple(c / length for c in moment(d, first)), "1", f"the other one across {body}"
-        )
-        return {f"{body}_t1": first, f"{body}_t2": second}
+        size = self.define(f"rho_{body}", size, "m", f"size of the product of e and the vector along {body}")
+        bar = define("u_bar", tuple(c / size for c in crossed), "1", f"a unit vector across {body}")
+        hat = define("u_hat", tuple(c / length for c in moment(d, bar)), "1", f"the other one across {body}")
+        return {f"u_bar_{body}": bar, f"u_hat_{body}": hat}
 
     def momentum(self, point: str) -> MomentumRows | None:
         """Eq. (15): linear momentum of all that is beyond a root, or a ground point with its reaction."""
@@ -316,16 +320,10 @@ class MomentumForm(Outboard):
         return x
 
     def _shown(self, part: MomentumRows) -> NamedMatrix:
-        entries = [
-            sp.Add(*(c * s for s, c in row.coefficients.items()), -row.rhs)
-            if row.shown is None
-            else row.shown
-            for row in part.rows
-        ]
+        entries = [_sum(row.coefficients) - row.rhs if row.shown is None else row.shown for row in part.rows]
         rows = [row.name for row in part.rows]
-        about = f"{part.description}; zero"
-        shown = named(self.model, part.name, entries, part.unit, about, rows=rows)
-        return replace(shown, source=part.source)
+        shown = named(self.model, part.name, entries, part.unit, f"{part.description}; zero", rows=rows)
+        return replace(shown, source=part.source, left=ZERO)
 
     def _rhs(self, rows: list[MomentumRow]) -> list[sp.Expr]:
         """Return the right-hand sides, minus the terms of the prescribed acceleration of the ground."""
@@ -340,14 +338,25 @@ class MomentumForm(Outboard):
 _AT_JOINTS = ", the masses at a joint are those of both rods"
 
 
-def _moment_source(body: str, carries: bool, in_space: bool) -> str:
+#: Masses of the particles of a uniform rod, over its mass.
+_UNIFORM = [sp.Rational(1, 6), sp.Rational(2, 3), sp.Rational(1, 6)]
+
+
+def _moment_source(body: str, joint: str, links: Sequence[RigidLink], in_space: bool) -> str:
     """Return the equations of the moments of a body; those of a last one are (9), (10) and (12), (13)."""
+    carries = len(links) > 1
+    k = "j" if carries else "N"
+    remarks = f"; for rod {k} = {body}, particle 2{k}-1 = {joint}"
+    of_mass = ([p.mass / x.mass for p in particles(x.mass, x.length, x.centre, x.inertia)] for x in links)
+    if all(x.offset == 0 and x.mass != 0 for x in links) and all(m == _UNIFORM for m in of_mass):
+        remarks += f"; uniform rod{'s' * carries}: m1 = m/6, m2 = 2 m/3, m3 = m/6"
     if not in_space:
-        return f"Attia (12){_AT_JOINTS}" if carries else "Attia (9), (12)"
+        return f"Attia (12){_AT_JOINTS}{remarks}" if carries else f"Attia (9), (12){remarks}"
     numbers = ("13",) if carries else ("10", "13")
     whole, first, second = (", ".join(f"({n}{letter})" for n in numbers) for letter in ("", "a", "b"))
-    pair = f"{body}_t1-{body}_t2 {first}, {second}: a pair across {body} in the place of u_bar and u_hat"
-    return f"Attia {whole}, corrected: couples across the rod; {pair}"
+    remarks += "; u_bar, u_hat of section 2.2 for e in place of z, the axis along which the rod is shortest"
+    remarks += f"; u_bar_{body} {first}; u_hat_{body} {second}"
+    return f"Attia {whole}, corrected: couples across the rod{remarks}"
 
 
 def motion_groups(model: RodsModel) -> tuple[Group, ...]:
@@ -357,6 +366,10 @@ def motion_groups(model: RodsModel) -> tuple[Group, ...]:
         Group("q", "coordinates of the free points", tuple(model.coordinates)),
         Group("u", "velocities of the free points", tuple(u for p in model.free for u in model.u[p])),
     )
+
+
+def _sum(coefficients: Coefficients) -> sp.Expr:
+    return sp.Add(*(c * s for s, c in coefficients.items()))
 
 
 def _difference(a: Vector, b: Vector) -> Vector:

@@ -22,7 +22,7 @@ FORMATS = ("unicode", "latex", "shared", "c", "numeric")
 _BEGIN = r"\begin{matrix}"
 _ROW_END = re.compile(r"\\\\(?!\n)")
 #: Name and meaning of a component of a vector, both with the name of what the vector belongs to.
-_COMPONENT = re.compile(r"([a-z]+_)(\w+?)((?:_[a-z]+)?)_([xyz]): \4 component of (.*\b)\2(\b.*)")
+_COMPONENT = re.compile(r"((?:[A-Za-z]+_)+?)(\w+?)((?:_[a-z]+)?)_([xyz]): \4 component of (.*\b)\2(\b.*)")
 #: Most rows and columns of a matrix that LaTeX shows as a whole.
 _WHOLE = 12
 #: Most characters of such a matrix.
@@ -187,6 +187,7 @@ def _legend(
     if not known:
         return []
     written = [text_name(x.name) for x, _ in known]
+    meanings = {f" of {x.name}": f", {x.description}" for x in system.arguments() if x.symbol not in there}
     first, second = max(map(columns, written)), max(len(x.name) for x, _ in known)
     renamed = any(w != x.name for w, (x, _) in zip(written, known, strict=True))
     lines = ["where"]
@@ -196,7 +197,8 @@ def _legend(
         indent = " " * (columns(name) + 2)
         if len(indent) > width // 2:
             indent = "      "
-        parts = wrapped(f"{x.description} [{x.unit}]{value}", width - columns(name) - 2, "")
+        about = x.description + meanings.get(x.description[x.description.find(" of ") :], "")
+        parts = wrapped(f"{about} [{x.unit}]{value}", width - columns(name) - 2, "")
         lines += [f"{name}  {parts[0]}", *(f"{indent}{part}" for part in parts[1:])]
     terms = (d.quantity for d in system.definitions if d.quantity.symbol in used)
     for pattern, about in dict.fromkeys(_families(terms)):
