@@ -272,13 +272,13 @@ CONDENSATION: Sources = (
 )
 _HALF = "(8.7), corrected: h is half of the thickness"
 ASSEMBLY: Sources = (
-    ("elastic_mass", "thesis (F.2), (8.1)"),
-    ("elastic_gyroscopic", "thesis (F.4), (8.1), with rates of T"),
-    ("elastic_stiffness", "thesis (D.28), (8.1)"),
-    ("elastic_motion_stiffness", "thesis (F.6), (8.1), with rates of T"),
-    ("elastic_load", "thesis (F.8), (8.1)"),
+    ("elastic_mass", "thesis (F.2)"),
+    ("elastic_gyroscopic", "thesis (F.4), with rates of T"),
+    ("elastic_stiffness", "thesis (D.28)"),
+    ("elastic_motion_stiffness", "thesis (F.6), with rates of T"),
+    ("elastic_load", "thesis (F.8)"),
     ("assembly", "thesis (8.1)"),
-    ("boundary", "thesis Fig. 22, (8.2)"),
+    ("boundary", "thesis, Fig. 22"),
     *CONDENSATION,
     ("strain_recovery", f"thesis (8.3)-(8.6); {_HALF}"),
     ("stress_recovery", f"thesis (8.3)-(8.6), (8.8); {_HALF}"),
@@ -293,9 +293,9 @@ JOINTS: Sources = (("jacobian", "thesis (E.30)-(E.42)"),)
 THESIS_LINKS = ("crank", "coupler", "output")
 _FOUR_BAR_CONDENSATION = "thesis (E.21), (E.43)-(E.47)"
 _INEXTENSIBLE = {
-    "crank": "(E.30), (E.34), (E.40)",
-    "coupler": "(E.31), (E.41)",
-    "output": "(E.32), (E.42)",
+    "crank": "(E.30), (E.34), (E.40): q3 cos(theta1) + q4 sin(theta1) = 0",
+    "coupler": "(E.31), (E.41): q3 cos(theta2) + q4 sin(theta2) = q7 cos(theta2) + q8 sin(theta2)",
+    "output": "(E.32), (E.42): q7 cos(theta3) + q8 sin(theta3) = 0",
 }
 
 

@@ -276,7 +276,7 @@ def elastic_record(of_element: System | None = None) -> tuple[Step, ...]:
 
     The last step has the further matrices of an element, if its system is given.
     """
-    from symgen.mechanics.elastic.letters import condensed_equations, element_equations
+    from symgen.mechanics.elastic.letters import assembly_equations, condensed_equations, element_equations
     from symgen.models.elastic.derivation import elastic_derivation_system
 
     system = of_element or elastic_derivation_system()
@@ -329,10 +329,10 @@ def elastic_record(of_element: System | None = None) -> tuple[Step, ...]:
         about = "The fields by the unknowns of an element, and integrals of their products along it."
         source = "thesis, Chapter VI, Appendices A to E"
         steps = (*steps, Step("Elastic link: fields of an element", about, source, system, further))
-    letters = (
-        (element_equations(), "thesis, Eqs. (5.16)-(7.28)"),
-        (condensed_equations(), "thesis, Eqs. (E.22)-(E.29)"),
-    )
+    letters = [(element_equations(), "thesis, Eqs. (5.16)-(7.28)")]
+    if of_element is None:
+        letters.append((assembly_equations(), "thesis, Eq. (8.1)"))
+        letters.append((condensed_equations(), "thesis, Eqs. (E.22)-(E.29)"))
     about = "The equations as the thesis prints them; symgen show lists the matrix of each letter below them."
     return (
         *steps,

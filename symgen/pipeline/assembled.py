@@ -101,7 +101,7 @@ def assembled_record(linkage: Linkage, system: System) -> Iterator[Step]:
             "Elastic linkage: assembly",
             "The equation of each element, M s'' - 2 omega A s' + K s = Q, in fixed axes at its joints, "
             "S = T s with the rates of T, and summed by Z; unknowns of the boundary vector are zero.",
-            "thesis, Eqs. (7.28), (8.1), (8.2)",
+            "thesis, Eqs. (7.28), (8.1), Fig. 22",
             known("assembly", "boundary", *MATRICES),
         ),
         (

@@ -40,6 +40,7 @@ PAPERS: dict[str, tuple[tuple[str, tuple[str, ...]], ...]] = {
 COMMANDS: dict[str, tuple[tuple[str, str], ...]] = {
     "thesis": (
         ("symgen quasi-static thesis_four_bar --at 60", "thesis (8.9), (8.10)"),
+        ("symgen modes elastic_four_bar_free --at 0, as many modes as (8.2) counts", "thesis (8.2)"),
         ("symgen synthesise TASK, a file as in docs/papers.md", "thesis (3.1), (3.2), not as printed"),
     )
 }

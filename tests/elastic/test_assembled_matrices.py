@@ -79,8 +79,12 @@ def test_assembly_and_boundary_are_those_of_the_thesis():
     assert np.array_equal(z.values, assembly())
     assert z.rows[9:11] == ("coupler_1.w@1", "coupler_1.theta@1")
     assert [*boundary.values] == sorted((*BOUNDARY, HELD))
-    free = model("elastic_four_bar_free").matrices()["boundary"]
+    matrices = model("elastic_four_bar_free").matrices()
+    free = matrices["boundary"]
     assert [*free.values] == [*BOUNDARY] and free.rows[2] == "crank.kappa@2"
+    assert len(matrices["elastic_mass"].rows) == 4 * 4 - 5  # (8.2)
+    shown = call("show", "elastic_four_bar_free", "boundary", "--at", "0").splitlines()
+    assert [line.split()[-1] for line in shown[-len(BOUNDARY) :]] == [str(k) for k in BOUNDARY]
 
 
 @pytest.mark.parametrize("angle", ANGLES)

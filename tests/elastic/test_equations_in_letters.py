@@ -6,16 +6,20 @@ exactly; those of a linkage have 30 digits.
 
 from __future__ import annotations
 
+import math
 import random
 import re
 from unicodedata import normalize
 
+import numpy as np
 import pytest
 import sympy as sp
 from shared.commands import call
+from shared.thesis_assembly import BOUNDARY, FT, HELD, LBF, NUMBERS, SIZES, of_link, rigid_motion
 
 from symgen.errors import ModelError
 from symgen.inspection.state import state_of
+from symgen.mechanics.elastic.letters import assembly_equations, condensed_equations
 from symgen.pipeline.build import build_scene
 from symgen.pipeline.subject import Subject
 from symgen.report.mathematics.equations import in_python
@@ -41,6 +45,8 @@ def inserted(expression, values):
         for part in parts:
             whole = whole * part if isinstance(part, sp.MatrixBase) else whole
         return whole[0] if isinstance(whole, sp.MatrixBase) and whole.shape == (1, 1) else whole
+    if expression.func == sp.Function("diag"):
+        return sp.diag(*parts)
     return expression.func(*parts) if parts else expression
 
 
@@ -256,6 +262,27 @@ def test_left_sides_of_reduced_matrices(linkage):
     assert len(checked) == 5
 
 
+def test_the_assembled_stiffness_is_that_of_the_elements():
+    """(8.1) by links in fixed axes with (F.1) integrated independently, against elastic_stiffness by symgen."""
+    theta = math.radians(60)
+    system = assembly_equations()
+    z = np.zeros((24, 20))
+    z[np.arange(24), np.ravel(NUMBERS) - 1] = 1
+    values = {"[Z]": sp.Matrix(z)}
+    for k, of in enumerate(rigid_motion(theta)[:3], 1):
+        values[f"[K{k}]"] = sp.Matrix(of_link(of)["elastic_stiffness"])
+    m = system["stiffness_of_linkage"]
+    total = np.array(inserted(m.matrix[0], values).tolist(), dtype=float)
+    free = [k for k in range(20) if k + 1 not in (*BOUNDARY, HELD)]
+    size = np.zeros(20)
+    size[np.ravel(NUMBERS) - 1] = np.tile(SIZES, 6)
+    own = build_scene(Subject("thesis_four_bar", {}).text).matrices(theta)["elastic_stiffness"].values
+    scaled = own * np.outer(size, size)[np.ix_(free, free)]
+    expected = total[np.ix_(free, free)] * LBF * FT
+    assert m.left == sp.Symbol("[K]", commutative=False)
+    assert np.max(np.abs(scaled - expected)) < 1e-12 * np.max(np.abs(expected))
+
+
 def test_condensed_equations_are_those_of_the_reduced_matrices(linkage):
     """(E.25) and (E.26)-(E.29), by the matrices that R reduces."""
     subject, shown = linkage
@@ -340,7 +367,7 @@ def test_a_fraction_stands_in_front_of_a_sum_in_brackets():
 
 def test_pages_list_a_letter_of_each_system():
     """[M] is a matrix of an element, and that of the linkage in the condensed equations."""
-    tables = symbols([step.system for step in BEAM.record])
+    tables = symbols([*(step.system for step in BEAM.record), condensed_equations()])
     about = {x.about for table in tables.values() for x in table if x.name == "[M]"}
     assert {x.rpartition(" ")[2] for x in about} == {"M", "elastic_mass"}
 

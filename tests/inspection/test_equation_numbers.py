@@ -270,7 +270,12 @@ def test_rows_of_inextensible_links_are_the_printed_equations():
         names = {str(s): s for s in m.matrix.free_symbols}
         assert [*m.matrix] == [*sp.sympify(text, locals=names)]
     (m,) = found(Subject("thesis_four_bar", {"links.coupler.elastic.axial": False}), "E.41")
-    assert (m.rows, m.source) == (("coupler",), "thesis (E.30)-(E.42); coupler (E.31), (E.41)")
+    assert (m.rows, m.source) == (
+        ("coupler",),
+        "thesis (E.30)-(E.42); coupler (E.31), (E.41): "
+        "q3 cos(theta2) + q4 sin(theta2) = q7 cos(theta2) + q8 sin(theta2)",
+    )
+    assert "it is zero" in m.description
     for number, rows in {"E.43": "A.x A.y", "E.45": "A.y B.y", "E.46": "A.x A.y B.x B.y"}.items():
         (m,) = found(four_bar, number)
         assert (m.name, *m.rows) == ("condensation", *rows.split())
@@ -379,6 +384,9 @@ def test_a_number_in_the_place_of_a_model_names_the_commands():
         ("4.16",): 'thesis: symgen show thesis_four_bar "(4.16)"',
         ("Attia", "7"): 'Attia: symgen show rod "(7)"',
         ("8",): 'Attia: symgen show rod_spatial "(8)"\n  Rahman: symgen show slider_crank "(8)"',
+        ("8.1",): 'thesis: symgen show thesis_four_bar "(8.1)"',
+        ("8.2",): "thesis: symgen modes elastic_four_bar_free --at 0",
+        ("E.29",): 'thesis: symgen show thesis_four_bar "(E.29)"',
         ("8.10",): "thesis: symgen quasi-static thesis_four_bar --at 60",
         ("four_bar", "8.10"): "thesis: symgen quasi-static thesis_four_bar --at 60",
     }.items():

@@ -119,6 +119,11 @@ def element_equations() -> System:
     )
 
 
+def assembly_equations() -> System:
+    """Return the equation (8.1) in letters; no kernels."""
+    return _system("assembly_letters", "Elastic linkage by its elements", ASSEMBLED, _assembled())
+
+
 def condensed_equations() -> System:
     """Return the equations (E.22)-(E.29) in letters; no kernels."""
     return _system("condensed_letters", "Elastic linkage with independent unknowns", CONDENSED, _condensed())
@@ -170,14 +175,14 @@ def _of_element() -> Iterator[NamedMatrix]:
     loads = (term.factor * term.row for term in by_parts if term.order is None)
     yield _equation(
         "motion_of_element", _sum([*rates, sp.transpose(_S) * stiffness]), _sum(loads), entry_unit("N"),
-        "equation of motion of an element in axes of the link, by rows; symgen adds gravity, which belongs "
-        "in the load, and geometric stiffness by the axial force", "(7.20)-(7.22), (7.23)",
+        "equation of motion of an element in axes of the link, by rows, without gravity and geometric "
+        "stiffness, which load_terms and stiffness_terms have", "(7.20)-(7.22), (7.23)",
     )  # fmt: skip
     turning = -2 * TURN.symbol * AD.symbol * _S_T
     yield _equation(
         "equation_of_element", _sum([MD.symbol * _S_TT, turning, KD.symbol * _S]), Q.symbol, entry_unit("N"),
-        "equation of motion of an element in axes of the link, by columns; symgen adds geometric stiffness "
-        "by the axial force", "(7.28)",
+        "equation of motion of an element in axes of the link, by columns, without geometric stiffness, "
+        "which stiffness_terms has", "(7.28)",
     )  # fmt: skip
 
 
@@ -267,7 +272,24 @@ WHOLE = {
         ("whole", "[KT]", "elastic_stiffness, elastic_motion_stiffness"),
     )
 }
+ASSEMBLY = bracketed("[Z]", _SI, f"unknowns of the elements by those of the linkage: {_OF} assembly")
+OF_ELEMENTS = tuple(
+    bracketed(f"[K{k}]", _SI, f"of element {k} in fixed axes: [T][K][T]^T, [K] of {_OF} LINK.stiffness")
+    for k in (1, 2, 3)
+)
+ASSEMBLED = ASSEMBLY, *OF_ELEMENTS, WHOLE["elastic_stiffness"]
 CONDENSED = FREE, *INDEPENDENT, CONDENSING, *WHOLE.values()
+
+
+def _assembled() -> Iterator[NamedMatrix]:
+    z = ASSEMBLY.symbol
+    diagonal = sp.Function("diag")(*(x.symbol for x in OF_ELEMENTS))
+    yield _equation(
+        "stiffness_of_linkage", WHOLE["elastic_stiffness"].symbol, sp.transpose(z) * diagonal * z,
+        entry_unit("N/m"), "stiffness of the linkage by those of its elements in fixed axes, as for other "
+        "matrices; elastic_stiffness and so on leave out the unknowns of boundary, which are zero",
+        "(8.1)",
+    )  # fmt: skip
 
 
 def reduced(name: str) -> sp.Expr:

@@ -222,4 +222,6 @@ def _jacobians(
         by_name = [{s.name: of(e) for s, e in row.items()} for row in rows.values()]
         filled = [row.get(column, ZERO) for row in by_name for column in columns]
         about = f"{name.replace('_', ' ')} of the constraints over their scale"
+        if name == "jacobian":
+            about += "; times the column of displacements it is zero"
         yield named(model, name, filled, unit, about, rows=list(rows), columns=columns)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import chain, pairwise
 
 import sympy as sp
@@ -143,16 +144,16 @@ def _components(points: Mapping[str, Vector]) -> dict[str, sp.Expr]:
 
 def _column(name: str, about: str, entries: Mapping[str, sp.Expr], unit: str) -> NamedMatrix:
     """Return the column of entries by row."""
-    return NamedMatrix(
-        name, sp.ImmutableMatrix(len(entries), 1, [*entries.values()]), unit, about, tuple(entries)
-    )
+    column = sp.ImmutableMatrix(len(entries), 1, [*entries.values()])
+    return NamedMatrix(name, column, unit, about, tuple(entries))
 
 
 def _defined(name: str, about: str, definitions: Sequence[Definition]) -> NamedMatrix:
     """Return the column of defined letters."""
     units = [d.quantity.unit for d in definitions]
     unit = units[0] if len({*units}) == 1 else ", ".join(units)
-    return _column(name, about, {d.quantity.name: d.expression for d in definitions}, unit)
+    column = _column(name, about, {d.quantity.name: d.expression for d in definitions}, unit)
+    return replace(column, left=sp.ImmutableMatrix(_letters(definitions)))
 
 
 def _lettered(

@@ -183,7 +183,7 @@ def _legend(
     known += [(c.quantity, f" = {value_of(c)}") for c in system.constants if c.quantity.symbol in there]
     rows = _letters_of_rows(system, matrices)
     stated = (d.quantity for d in system.definitions if d.quantity.symbol in there - used.keys())
-    known += [(x, f", {rows[x.symbol]}") for x in stated]
+    known += [(x, f", {rows[x.symbol]}" if x.symbol in rows else "") for x in stated]
     if not known:
         return []
     written = [text_name(x.name) for x, _ in known]

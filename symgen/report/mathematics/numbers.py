@@ -18,6 +18,8 @@ from symgen.symbolic.system import Definition, NamedMatrix, System
 _WORKING = 40
 #: Printed digits.
 _PRINTED = 12
+#: Whole numbers below this are shown with all their digits.
+_WHOLE = 1e10
 #: Columns that a number takes with the gap before it.
 _NUMBER = 19
 #: Singular values below this part of the largest are those of redundant constraints.
@@ -108,11 +110,15 @@ def table_of_numbers(
         heads = columns[first : first + count]
         lines += ["", " " * width + "".join(f"{c:>{cell}}" for c in heads)] if heads else []
         lines += [
-            f"{row:>{width}}"
-            + "".join(f"{x:{cell}.9e}" if x else f"{0:{cell}}" for x in entries[first : first + count])
+            f"{row:>{width}}" + "".join(f"{x:{cell}{_form(x)}}" for x in entries[first : first + count])
             for row, entries in zip(rows, values, strict=True)
         ]
     return "\n".join(lines)
+
+
+def _form(x: float) -> str:
+    """Return the format of a number in a table: whole numbers have no digits behind the point."""
+    return ".0f" if float(x).is_integer() and abs(x) < _WHOLE else ".9e"
 
 
 def evaluated(
