@@ -359,7 +359,7 @@ def citations_of_papers() -> str:
 def _citations(subject: Subject) -> Iterator[tuple[str, ...]]:
     yield from (citation(m) for _, system in subject.unassembled() for m in system.matrices)
     if subject.is_assembled:  # without kernels, which may be those of older equations here
-        yield from ((source,) for _, source in of_assembly(subject.constraints))
+        yield from ((source,) for _, source in of_assembly(subject.constraints) if "(" in source)
 
 
 def _solved(system: System, point: SaddlePoint) -> System:

@@ -376,7 +376,7 @@ def test_stored_citations_are_those_of_the_matrices(model, options):
     assert all(any(source.startswith(x) for source in cited) for x in own)
     assert all(source.startswith(tuple(every)) for source in cited)
     assert any("(E.43)-(E.47)" in source for source in own) == bool(options)
-    assert any("(E.26)" in source for source in own) == bool(options)
+    assert any("(E.27)" in source for source in own) == bool(options)
 
 
 def test_a_number_in_the_place_of_a_model_names_the_commands():

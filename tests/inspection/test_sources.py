@@ -221,17 +221,15 @@ def test_without_the_middle_particle_its_equations_become_those_of_the_ends(name
 
 
 @pytest.mark.parametrize(
-    ("number", "left"),
+    ("model", "number", "left"),
     [
-        ("1", "R"),
-        ("2", "G₁"),
-        ("6", "R"),
-        ("7", "G₁"),
-        *((x, "0") for x in ("3a", "3b", "4a", "4b", "5a", "5b")),
+        *(("rod_spatial", *x) for x in (("1", "R"), ("2", "G₁"), ("6", "R"), ("7", "G₁"))),
+        *(("rod_spatial", x, "0") for x in ("3a", "3b", "4a", "4b", "5a", "5b")),
+        ("four_bar_motion", "4.45", "B_y"),
     ],
 )
-def test_the_left_side_is_that_of_the_print(number, left):
-    assert f"\n{left} =" in call("show", "rod_spatial", number)
+def test_the_left_side_is_that_of_the_print(model, number, left):
+    assert f"\n{left} =" in call("show", model, number)
 
 
 def test_both_moments_of_a_rod_in_a_chain_are_those_of_one_rod():
