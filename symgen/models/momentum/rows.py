@@ -180,7 +180,7 @@ class MomentumForm(Outboard):
         bodies, points = self.tree.beyond(point)
         ground = point in self.model.ground
         noun = f"{', '.join(bodies)} beyond {point}" if bodies else point
-        about = f"rate of the linear momentum of {noun}, less the loads"
+        about = f"rate of the linear momentum of {noun}, less the sum R of the loads"
         rows = MomentumRows(
             f"{point}_momentum",
             "N",
@@ -203,7 +203,10 @@ class MomentumForm(Outboard):
             _add(coefficients, [(p.unknown, -p.force[i]) for p in pushes if p.unknown is not None])
             if ground:
                 coefficients[self.reactions[point][i].symbol] = -ONE
-            rows.rows.append(MomentumRow(f"{point}_{axis}", coefficients, sp.Add(*rhs)))
+            row = MomentumRow(f"{point}_{axis}", coefficients, sp.Add(*rhs))
+            meaning = f"{axis} component of the sum of the loads on {noun}"
+            by_loads = self.define(f"R_{point}_{axis}", row.rhs, "N", meaning)
+            rows.rows.append(replace(row, shown=_sum(coefficients) - by_loads))
         return rows
 
     @cached_property
