@@ -111,7 +111,7 @@ def lower_series(e: EquationsOfMotion) -> list[SeriesKernel]:
         For a function without a recurrence.
     """
     n, terms = e.n, Terms(e.values, e.n)
-    squares = {i: x for i in range(e.m) if terms.quadratic(x := terms.of(e.constraints.get(i, ZERO)))}
+    squares = {i: x for i, phi in e.constraints.items() if terms.quadratic(x := terms.of(phi))}
     sums = {i: [terms.of(e.sides.get(i, ZERO))] for i in range(n + e.m) if i - n not in squares}
 
     def subtract(row: int, factor: Node, array: str, i: int) -> None:
