@@ -69,7 +69,7 @@ def test_every_integrator_goes_through_every_motion():
     for case in CASES:
         methods = {trial.method for trial in case.trials}
         if case.family == "rods":
-            assert methods >= set(INTEGRATORS)
+            assert methods >= set(INTEGRATORS) - {"taylor"}
         elif case.name == "cssp":
             assert methods >= {"dop853", "dopri5", "rk4"}
         elif len(case.trials) > 2:
