@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char peaucellier_equations[65] = "39f77fb530d009c5a3b49183003cbd76cbcbec3f19ecf1ab6c03a4d82dcf86d7";
+const char peaucellier_equations[65] = "1fa7233cf195b98a5c870a0a35f99609a17a7a6b7eb2336439bcbb1abf4dc11e";
 
 /* One over a pivot, or zero where cancellation left nothing of it. */
 static double guarded_inverse(double pivot, double sound, double tolerance)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
+from symgen.errors import DerivationError
 from symgen.lowering.binding_times import with_setup
 from symgen.lowering.expressions import ZERO, Call, Node, Reference, references, rename
 from symgen.lowering.kernel import RANK_TOLERANCE, SETUP, Block, Kernel, Program, SeriesKernel, Slot, Store
@@ -34,7 +36,10 @@ def lower_system(system: System) -> Program:
         for g in system.groups
     )
     parameters = system.group("p")
-    series = lowering.series(point) if point else []
+    series: list[Kernel] = []
+    if point:
+        with suppress(DerivationError):  # a function without a recurrence: there are no power series
+            series = lowering.series(point)
     kernels = list(with_setup([*kernels, *series], parameters))
     kernels, series = kernels[: len(kernels) - len(series)], kernels[len(kernels) - len(series) :]
     behind = sum(k.out_size for k in kernels if k.name == SETUP)
@@ -155,7 +160,7 @@ class _Lowering:
             jacobian,
             of[point.force] | {n + i: e for i, e in of[point.rhs].items()},
             of.get("constraints", {}),
-            list(of.get("power", {}).values()),
+            [of["power"].get(0, ZERO)] if "power" in of else [],
             len(self.system.group("p").quantities),
         )
         return list(lower_series(equations))

@@ -237,7 +237,7 @@ class Terms:
                 return unit(Function(name, (x,)))
             case "exp" | "sin" | "cos" | "sinh" | "cosh":
                 return unit(Function(name, (), (of_it,)))
-            case "log" | "fabs":
+            case "log":
                 return unit(Function(name, (x,), (of_it,)))
             case "tan" | "tanh":
                 above, below = ("sin", "cos") if name == "tan" else ("sinh", "cosh")
@@ -253,8 +253,6 @@ class Terms:
                 y, x = parts
                 square = total([self.times(x, x), self.times(y, y)])
                 return unit(Function(name, (), (self.atom(y), self.atom(x), self.atom(square))))
-            case "fmax":
-                return unit(Function(name, tuple(parts), tuple(map(self.atom, parts))))
             case "pow" if parts[1].is_constant:
                 return unit(Function(name, (), (of_it,), parts[1].constant))
         raise DerivationError(f"there is no power series of the function {name}")

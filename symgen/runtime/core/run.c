@@ -283,7 +283,7 @@ int run_begin(struct run *run) {
     begin_events(run);
     status = monitor(run);
     record_present(run);
-    if (run->scheme.adaptive && run->task.step == 0.0 && !run->scheme.kind->longest)
+    if (run->scheme.adaptive && run->task.step == 0.0)
         s->h = first_step(run);
     return status;
 }
@@ -383,7 +383,7 @@ static int accepted_step(struct run *run, real *t_new, real *length) {
     real largest = R(GROW), part = 1, h;
     int failed = STEP_TOO_SMALL;
     if (run->scheme.adaptive && run->scheme.kind->longest)
-        s->h = run->scheme.kind->longest(run);
+        s->h = real_fmin(s->h, run->scheme.kind->longest(run));
     if (run->task.max_step > 0.0)
         s->h = real_fmin(s->h, R(run->task.max_step));
     for (;;) {

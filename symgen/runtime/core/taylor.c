@@ -25,6 +25,7 @@ struct taylor {
     real *rows;       /* of each series: coefficients, ROWS rows as in the work of the kernel */
     real *work_done;  /* of each series: coefficients of the work of loads without potential */
     real *sides;      /* right-hand side and solution */
+    long *expanded;   /* whether the other series is that at y_new */
     real *f, *f_new;
 };
 
@@ -36,6 +37,7 @@ static size_t place(struct taylor *x, const struct equations *e, void *memory) {
         ARENA_ARRAY(x->rows, BOTH * ROWS * row),
         ARENA_ARRAY(x->work_done, BOTH * ROWS),
         ARENA_ARRAY(x->sides, e->n + e->m + 1),
+        ARENA_ARRAY(x->expanded, 1),
         ARENA_ARRAY(x->f, e->dim),
         ARENA_ARRAY(x->f_new, e->dim),
     };
@@ -68,11 +70,12 @@ static void bind(struct run *run) {
 static long order_of(const struct run *run) {
     const long given = run->scheme.counts[ORDER];
     const double wanted = fmax(run->task.rtol, (double)REAL_EPSILON);
-    const long least = (long)ceil(3 - 0.8 * log(wanted));
-    return given > 0 ? given : least < HIGHEST ? least : HIGHEST;
+    const double least = ceil(3 - 0.8 * log(wanted));
+    return given > 0 ? given : (long)fmax(LOWEST, fmin(least, HIGHEST));
 }
 
-/* The step whose last terms are within the tolerance: those of two orders, since every other one may vanish. */
+/* The step whose last terms are within the tolerance: those of two orders, since every other one may vanish. Both may
+   vanish, so that `step` compares the accelerations at its end. */
 static real within_tolerance(const struct run *run, const real *rows, const real *y, long order) {
     const long n = run->e->n, row = run->e->sizes.series_rows;
     const real atol = R(0.1) * R(run->task.atol), rtol = R(0.1) * R(run->task.rtol);
@@ -81,16 +84,15 @@ static real within_tolerance(const struct run *run, const real *rows, const real
         real places = 0, rates = 0;
         for (long i = 0; i < n; i++) {
             const real last = rows[k * row + i];
-            const real place = last / (atol + rtol * real_fabs(y[i]));
-            const real rate = R(k) * last / (atol + rtol * real_fabs(y[n + i]));
-            places += place * place, rates += rate * rate;
+            places = real_fmax(places, real_fabs(last) / (atol + rtol * real_fabs(y[i])));
+            rates = real_fmax(rates, R(k) * real_fabs(last) / (atol + rtol * real_fabs(y[n + i])));
         }
         if (!(real_isfinite(places) && real_isfinite(rates)))
             return REAL_INFINITY;
         if (rates > 0)
-            length = real_fmin(length, real_pow(rates / R(n), R(-0.5) / R(k - 1)));
-        if (places * real_pow(length, R(2 * k)) > R(n))
-            length = real_pow(places / R(n), R(-0.5) / R(k));
+            length = real_fmin(length, real_pow(rates, R(-1) / R(k - 1)));
+        if (places > 0)
+            length = real_fmin(length, real_pow(places, R(-1) / R(k)));
     }
     return length;
 }
@@ -170,16 +172,56 @@ static real longest(const struct run *run) {
     return x.longest[*x.present] * (is_watched ? R(0.25) : R(1));
 }
 
+/* Write the accelerations of the series a time h after y to `changes`, and the power behind them. */
+static void differentiate(const struct run *run, const struct taylor *x, real h, real *changes) {
+    const struct equations *e = run->e;
+    const long n = e->n, row = e->sizes.series_rows, order = order_of(run);
+    const real *rows = x->rows + *x->present * ROWS * row, *work_done = x->work_done + *x->present * ROWS;
+    memset(changes, 0, (size_t)(n + e->extra) * sizeof(real));
+    for (long k = order; k >= 2; k--)
+        for (long i = 0; i < n; i++)
+            changes[i] = changes[i] * h + R(k * (k - 1)) * rows[k * row + i];
+    for (long k = order; k >= 1 && e->extra; k--)
+        changes[n] = changes[n] * h + R(k) * work_done[k];
+}
+
+/* The end is projected and expanded at once: accelerations and power there are compared with those of the series. A
+   part of the difference is the error of a step whose last terms do not show it. */
 static int step(struct run *run, real t, real h, real t_new) {
-    (void)t, (void)t_new;
+    const struct taylor x = taylor_of(run);
+    const long n = run->e->n;
+    (void)t;
+    *x.expanded = 0;
     evaluate(run, h, run->y_new);
-    run->state->norm = 0; /* the step is within the tolerance */
+    run->state->norm = 0;
+    if (!run->scheme.adaptive)
+        return DONE;
+    run->state->shrink = R(SHRINK);
+    if (!all_finite(run->y_new, run->dim))
+        return AGAIN;
+    int status = project_new_state(run, t_new);
+    if (status == DONE)
+        status = expand(run, 1 - *x.present, t_new, run->y_new, run->f_new);
+    if (status != DONE)
+        return status == NOT_FINITE ? AGAIN : status;
+    *x.expanded = 1;
+    memset(run->error, 0, (size_t)n * sizeof(real));
+    differentiate(run, &x, h, run->error + n);
+    for (long i = n; i < run->dim; i++)
+        run->error[i] = R(0.25) * h * (run->error[i] - run->f_new[i]);
+    const real norm = error_norm(run, h, run->error);
+    run->state->norm = norm <= 1 ? 0 : norm;
     return DONE;
 }
 
 static int finish(struct run *run, real h, real t_new) {
+    const struct taylor x = taylor_of(run);
     (void)h;
-    return expand(run, 1 - *taylor_of(run).present, t_new, run->y_new, run->f_new);
+    if (*x.expanded && run->state->settled) {
+        *x.expanded = 0;
+        return DONE;
+    }
+    return expand(run, 1 - *x.present, t_new, run->y_new, run->f_new);
 }
 
 static void prepare(struct run *run, real h) {

@@ -20,8 +20,10 @@ _UNITS = {"vx": "m/s", "vy": "m/s", "vz": "m/s", "rate": "rad/s", "angular_veloc
 _UNITS |= {"x": "m", "y": "m", "z": "m", "length": "m", "angle": "rad", "t": "s"}
 #: A failed run's message names pivots that keep less than this.
 _NEAR = 1e-2
-#: Remedies for numbers that are not finite, by the kind of method, instead of a smaller step.
-_SMALLER = {"taylor": "Power series lose their digits there: use dop853."}
+#: What failures of power series may have as their cause, whatever else the message says.
+_OF_SERIES = (
+    "Power series lose their digits near a loss of rank and where loads have no derivatives: try dop853."
+)
 
 
 def problem(
@@ -32,6 +34,18 @@ def problem(
     chosen: Options,
 ) -> str:
     """Return the message for a run that ended with this status: time, cause, remedy and last state."""
+    text = _problem(status, stepper, equations, evaluator, chosen)
+    asked = status in (OUT_OF_TIME, _core.DRIFTED, _core.MORE)
+    return text if chosen.method.kind != "taylor" or asked else f"{text}\n  {_OF_SERIES}"
+
+
+def _problem(
+    status: int,
+    stepper: _core.Run,
+    equations: _core.KernelEquations,
+    evaluator: Evaluator,
+    chosen: Options,
+) -> str:
     description = evaluator.description
     free, width = description.free, 1 if description.rates else len(description.axes)
     at = f"at t = {stepper.t:.9g} s after {stepper.steps} steps"
@@ -181,8 +195,7 @@ def _of_the_loads(
     if status == _core.NOT_FINITE:
         return (
             f"a number that is not finite appeared in the step {at}{near}\n"
-            f"  {_SMALLER.get(chosen.method.kind, 'Use a smaller step.')} "
-            f"Last good state: {where.removeprefix('State: ')}"
+            f"  Use a smaller step. Last good state: {where.removeprefix('State: ')}"
         )
     if status == _core.STEP_TOO_SMALL:
         return (
