@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char elastic_place_equations[65] = "505e5ba8568bbfb2abd011a22c8e29ca7440c5273eea68ae76cc282aca18da6e";
+const char elastic_place_equations[65] = "377e0c6806402735e20acc2d9e69cf0b944a1e8228f286cd8121a7eb0a4361d1";
 
 /* constants of a link by a unit mass, force, axial force and moment of inertia at x: 0 operations */
 void elastic_place_point(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

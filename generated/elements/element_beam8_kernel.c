@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_beam8_equations[65] = "5d3d70882e37888247f334e002f0716636126cfe735f4593cb48c53efa42f126";
+const char element_beam8_equations[65] = "6955b944844beef5ae08d8720e69a7da2d0b3d89238976ca39c96ce7e636d295";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 147 operations (48 add, 99 mul, 5 neg) */
 void element_beam8_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_cubic_equations[65] = "1f541bf3116e126e9083547aa46ae9750364a991caab1073881f4bc812ca2761";
+const char element_cubic_equations[65] = "6076a8164fc51bc0c2aa8bf08b7c13876708f0089bf2d48c5d4cfd1728429d1a";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 78 operations (26 add, 52 mul, 3 neg) */
 void element_cubic_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_rayleigh_equations[65] = "664becbfa8dfedb73f789297313d597a63ea2ee7e59b6df42b0b595c718d59a1";
+const char element_rayleigh_equations[65] = "8d39ea2b7435e8ac7041bfeef33c0b2a37a8f9342d4c3315553d7659e7d807f2";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 358 operations (147 add, 210 mul, 1 div, 11 neg) */
 void element_rayleigh_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

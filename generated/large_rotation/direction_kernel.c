@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char direction_equations[65] = "1975c4b21a1e97e184168adc779d687dbf0167d88259aa5cb3969fdf9e209108";
+const char direction_equations[65] = "59a38ed7fd05fdcd7895f711c77bd891dd7efd3fef78984977d210bac2c907e4";
 
 /* error, rate and slopes of the constraint: 125 operations (38 add, 87 mul) */
 void direction_row(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

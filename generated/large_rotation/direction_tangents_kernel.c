@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char direction_tangents_equations[65] = "e65da89ae57097f0895ad16488e6a00d1d2e24c2c531795575607fef44000abb";
+const char direction_tangents_equations[65] = "a859d03ba07d5251f327136fb2900ae4f07295820eb4039947dd1c05278aa72a";
 
 /* tangent of error, rate and slopes of the constraint: 348 operations (140 add, 208 mul) */
 void direction_tangents_row_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char loop_row_equations[65] = "25cbbc03465a8881ce4300bd2b42de87f905f2a9cad6fa9452c7d99e409342d5";
+const char loop_row_equations[65] = "0ac0c7469ea6ca1928b7e48d434738ac9aca4740925460ea626b35b3208ecb5c";
 
 /* axes and origin of the frame behind the row: 28 operations (5 add, 17 mul, 1 neg, 6 call) */
 void loop_row_transform(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char peaucellier_equations[65] = "1fa7233cf195b98a5c870a0a35f99609a17a7a6b7eb2336439bcbb1abf4dc11e";
+const char peaucellier_equations[65] = "1e35bc5195dfeba27ce649b6cb1132903fc8ddc6ea6aee4b5d8f09ee3da3f7ed";
 
 /* One over a pivot, or zero where cancellation left nothing of it. */
 static double guarded_inverse(double pivot, double sound, double tolerance)

@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_dyad_equations[65] = "1919c2fb8e8a1675d7eaaf6c9fba3186f944d7c4784812daa9c750decd59218c";
+const char synthesis_dyad_equations[65] = "38b6524b8f78a1614ecded6b0d440970534a2ef0cade99d64bbbc6d4dd7e171d";
 
 /* residual and its derivatives: 69 operations (25 add, 42 mul, 4 neg, 2 call) */
 void synthesis_dyad_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_limits_equations[65] = "794257b6d5639f8f948306f0f8819df1ad1df139ee5001aa73c1c03251ef0e23";
+const char synthesis_limits_equations[65] = "2159260e2407eaf9cb5ac74800cb969a919187b0b48351bdaccdfc67b4d2698f";
 
 /* residual and its derivatives: 97 operations (42 add, 43 mul, 16 neg, 12 call) */
 void synthesis_limits_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_spherical_dyad_equations[65] = "f47a1d6a717b69a305b7d5d24b4e81448593d40892eec106cbde611ff7f6490b";
+const char synthesis_spherical_dyad_equations[65] = "a727a2fac23300416f6050a4968cc5efb1395ff573691ef105e762024f4fcb51";
 
 /* residual and its derivatives: 122 operations (25 add, 87 mul, 10 call) */
 void synthesis_spherical_dyad_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

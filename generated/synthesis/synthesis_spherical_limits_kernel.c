@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_spherical_limits_equations[65] = "36354b80ca1c0ab1d8eb16cba1bc750c910b8b3d96ce9224f63fff9286108b57";
+const char synthesis_spherical_limits_equations[65] = "8a5e3fde14afddc4d68a11719c647c1ff8fde597abd1c25dead89ec9b822e8de";
 
 /* residual and its derivatives: 168 operations (49 add, 89 mul, 18 neg, 30 call) */
 void synthesis_spherical_limits_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -6,9 +6,10 @@ import hashlib
 import re
 from dataclasses import dataclass
 
-from symgen.codegen.emit import TextAssignment, environment
+from symgen.codegen.emit import environment
 from symgen.codegen.printers import Printer
 from symgen.codegen.source import SourceFile
+from symgen.codegen.views import TextAssignment
 from symgen.lowering.expressions import references, rename
 from symgen.lowering.recursion import Loops, RecursionStep, StepResult
 

@@ -4,134 +4,28 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from itertools import groupby
 from typing import Any
 
-from symgen.codegen.calls import CallView, calls_of, merged
+from symgen.codegen.calls import calls_of
 from symgen.codegen.printers import Printer, printer
-from symgen.codegen.rolled import ROLLED, Rolled, large, rolled
-from symgen.codegen.series import SeriesView, series_view
+from symgen.codegen.rolled import ROLLED, large, rolled
+from symgen.codegen.series import order_view
 from symgen.codegen.source import LOOPS, SERIES, SourceFile
 from symgen.codegen.target import Target
-from symgen.lowering.expressions import GUARDED_INVERSE, Constant, references
+from symgen.codegen.views import (
+    ArrayView,
+    BlockView,
+    GroupView,
+    KernelView,
+    SeriesView,
+    TextAssignment,
+    UnitView,
+)
+from symgen.lowering.expressions import Constant, references
 from symgen.lowering.kernel import ARRAYS, Block, Kernel, Program, Slot, Store
-from symgen.precision import Precision
-
-
-@dataclass(frozen=True, slots=True)
-class TextAssignment:
-    """An assignment as source text."""
-
-    target: str
-    value: str
-
-
-@dataclass(frozen=True, slots=True)
-class BlockView:
-    """A part of ``out``, as used by the templates."""
-
-    name: str
-    first: int
-    last: int
-    rows: int
-    columns: int
-    unit: str
-    description: str
-
-
-@dataclass(frozen=True, slots=True)
-class ArrayView:
-    """An argument array that a kernel reads."""
-
-    name: str
-    size: int
-
-
-@dataclass(frozen=True, slots=True)
-class GroupView:
-    """An argument array and the meaning of its entries; ``behind`` counts derived entries from 'setup'."""
-
-    name: str
-    description: str
-    slots: tuple[Slot, ...]
-    behind: int = 0
-    has_tolerance: bool = False
-
-    @property
-    def size(self) -> int:
-        """Number of entries."""
-        return len(self.slots) + self.behind + self.has_tolerance
-
-    @property
-    def derived(self) -> str:
-        """Return the index range of the entries from 'setup', without the rank tolerance behind them."""
-        return f"{len(self.slots)}..{len(self.slots) + self.behind - 1}"
-
-
-@dataclass(frozen=True, slots=True)
-class KernelView:
-    """A kernel as used by the templates, with every expression as final text.
-
-    In C, ``early`` has the stores that follow each assignment, and ``late`` those behind all of them; of
-    large kernels, ``rolled`` has all statements.
-    """
-
-    name: str
-    description: str
-    counts: str
-    prototype: str
-    unused: tuple[str, ...]
-    first: tuple[str, ...]
-    then: tuple[str, ...]
-    assignments: tuple[TextAssignment, ...]
-    stores: tuple[TextAssignment, ...]
-    early: tuple[tuple[TextAssignment, ...], ...]
-    late: tuple[TextAssignment, ...]
-    calls: tuple[CallView, ...]
-    blocks: tuple[BlockView, ...]
-    reads: tuple[ArrayView, ...]
-    reads_work: bool
-    reads_out: bool
-    sizes: tuple[int, int, int, int]
-    work_size: int
-    out_size: int
-    after_setup: bool
-    rolled: Rolled | None
-
-
-@dataclass(frozen=True, slots=True)
-class UnitView:
-    """A model as used by the templates."""
-
-    name: str
-    title: str
-    guard: str
-    type: str
-    precision: Precision
-    lanes: bool
-    equations: str
-    groups: tuple[GroupView, ...]
-    references: tuple[str, ...]
-    kernels: tuple[KernelView, ...]
-    series: tuple[SeriesView, ...] = ()
-    first: bool = True
-
-    @property
-    def tuned(self) -> GroupView | None:
-        """The array completed by 'setup'; None without this kernel."""
-        return next((g for g in self.groups if g.behind), None)
-
-    @property
-    def calls(self) -> tuple[CallView, ...]:
-        """The distinct functions called by the kernels of this file."""
-        return merged(c for k in self.kernels for c in k.calls)
-
-    @property
-    def guarded(self) -> bool:
-        """Return whether a kernel of this file calls the guarded reciprocal."""
-        return any(c.function == GUARDED_INVERSE for c in self.calls)
 
 
 @lru_cache(maxsize=1)
@@ -163,11 +57,13 @@ SERIES_TEMPLATE = "c/series.c.j2"
 #: Additional C templates for kernels that evaluate batches of states.
 LANES = (("c/batch.c.j2", "{}_batch.c"),)
 #: Templates included by other templates.
-INCLUDED = ("numpy/functions.py.j2",)
+INCLUDED = ("numpy/functions.py.j2", "c/body.c.j2")
 
 #: Number of statements per C file; further kernels go to the next file. The files of a scene are compiled
 #: in parallel.
 STATEMENTS = 400
+#: Maximum number of statements of the solution that is part of the loop over the orders of power series.
+INLINED = 120
 #: Minimum number of consecutive zeros that are stored by a loop.
 ZEROS = 32
 _ZERO = Constant("0")
@@ -237,6 +133,7 @@ def _parts(whole: UnitView) -> list[UnitView]:
 def unit_view(program: Program, target: Target, equations: str) -> UnitView:
     """Return the template data of a program: names, sizes and final text of every kernel."""
     setup, loops = program.setup, large(program, target)
+    kernels = tuple(_kernel(program, k, target, k.name in loops) for k in program.kernels)
     behind = {array: setup.out_size for array, _ in setup.inputs} if setup else {}
     return UnitView(
         name=program.name,
@@ -258,13 +155,11 @@ def unit_view(program: Program, target: Target, equations: str) -> UnitView:
             if slots or _on_tolerance(program, name)
         ),
         references=program.references,
-        kernels=tuple(_kernel(program, k, target, k.name in loops) for k in program.kernels),
+        kernels=kernels,
         # Only compiled runs of single states have power series.
-        series=tuple(
-            series_view(k, _prototype(program.name, k.name, _type(target)), _type(target), printer(target))
-            for k in program.series
-            if target.language in ("c", "cython") and not target.lanes
-        ),
+        series=_series(program, kernels, target)
+        if program.series and target.language in ("c", "cython") and not target.lanes
+        else None,
     )
 
 
@@ -327,6 +222,20 @@ def _kernel(program: Program, kernel: Kernel, target: Target, rolls: bool) -> Ke
         out_size=kernel.out_size,
         after_setup=_is_after_setup(program, kernel),
         rolled=loops,
+    )
+
+
+def _series(program: Program, kernels: tuple[KernelView, ...], target: Target) -> SeriesView:
+    solve = next(k for k in kernels if k.name == "solve")
+    sides, name = program.series[0], "series"
+    return SeriesView(
+        name,
+        _prototype(program.name, name, _type(target)),
+        sides.rows,
+        sides.coordinates,
+        sides.out_size - sides.coordinates,
+        tuple(order_view(k, _type(target), printer(target)) for k in program.series),
+        solve if len(solve.assignments) + len(solve.stores) <= INLINED and not solve.rolled else None,
     )
 
 

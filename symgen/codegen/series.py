@@ -2,53 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from symgen.codegen.printers import Printer
+from symgen.codegen.views import LoopOverOrders, OrderView, SeriesStatement
 from symgen.lowering.expressions import Call, Node, calls
 from symgen.lowering.kernel import Assignment, SeriesKernel
 from symgen.lowering.recurrences import BACK, LOOPS, ROW
 
 
-@dataclass(frozen=True, slots=True)
-class SeriesStatement:
-    """An assignment as text, declared where it is to a new name."""
-
-    target: str
-    value: str
-    declared: str = ""
-    loop: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class LoopOverOrders:
-    """A loop over the orders for products of rows side by side."""
-
-    kind: str
-    name: str
-    first: str
-    second: str
-    count: str
-    loop: bool = True
-
-
-@dataclass(frozen=True, slots=True)
-class SeriesView:
-    """The kernel as used by the template."""
-
-    name: str
-    description: str
-    prototype: str
-    rows: int
-    functions: list[str]
-    early: tuple[SeriesStatement, ...]
-    back: tuple[SeriesStatement, ...]
-    statements: tuple[SeriesStatement | LoopOverOrders, ...]
-    out: tuple[SeriesStatement, ...]
-
-
-def series_view(kernel: SeriesKernel, prototype: str, c_type: str, prints: Printer) -> SeriesView:
-    """Return the kernel as text."""
+def order_view(kernel: SeriesKernel, c_type: str, prints: Printer) -> OrderView:
+    """Return a kernel for one order as text."""
 
     def statement(a: Assignment) -> SeriesStatement | LoopOverOrders:
         if isinstance(a.value, Call) and a.value.function in LOOPS:
@@ -65,11 +27,9 @@ def series_view(kernel: SeriesKernel, prototype: str, c_type: str, prints: Print
         )
 
     values: list[Node] = [*(a.value for a in kernel.assignments), *(s.value for s in kernel.stores)]
-    return SeriesView(
+    return OrderView(
         kernel.name,
         kernel.description,
-        prototype,
-        kernel.rows,
         list(calls(values)),
         of(ROW),
         of(BACK),

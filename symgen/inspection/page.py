@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from symgen.codegen.emit import UnitView, equations_hash, unit_view
+from symgen.codegen.emit import equations_hash, unit_view
 from symgen.codegen.target import Target
+from symgen.codegen.views import UnitView
 from symgen.inspection.film import moving_html
 from symgen.inspection.measured import measure
 from symgen.inspection.systems import BuildingBlockView

@@ -116,9 +116,14 @@ class Kernel:
 
 @dataclass(frozen=True, slots=True)
 class SeriesKernel(Kernel):
-    """A kernel of power series in time, whose ``rows`` are the coefficients of one order in ``work``."""
+    """A kernel of power series in time for one order.
+
+    There are ``rows`` coefficients of each order: those of the ``coordinates``, of the multipliers, of
+    operands, and of further quantities.
+    """
 
     rows: int = 0
+    coordinates: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,13 +1,13 @@
 """The kernels of power series in time of a motion.
 
-The kernel ``series`` is called for the orders k = 0, 1, 2, ... of one step in turn. It returns coefficient k
+The kernel ``sides`` is called for the orders k = 0, 1, 2, ... of one step in turn. It returns coefficient k
 of the right-hand side of [M J^T; J 0] [a; lambda] = [f; gamma], with those of a and lambda of order k still
 zero. The matrix at the beginning of the step is that of all orders: ``solve`` gives coefficient k of a and
-lambda, and by it coefficient k + 2 of q. Then ``series_along`` returns coefficient k of further quantities.
+lambda, and by it coefficient k + 2 of q. Then ``along`` returns coefficient k of further quantities.
 
-``work`` has a row of coefficients for each order: those of q, those of lambda, and the operands of products
-and functions. Operands of products are side by side: one loop over the orders computes all products that do
-not depend on each other, several in one instruction.
+Each order has a row of coefficients: those of q, those of lambda, and the operands of products and functions.
+Operands of products are side by side: one loop over the orders computes all products that do not depend on
+each other, several in one instruction.
 
 A length constraint is a polynomial of second degree in q: the second rate of its coefficient k + 2 takes half
 the products of gamma - J a, and leaves no error of lower order in the constraint.
@@ -103,7 +103,7 @@ class EquationsOfMotion:
 
 
 def lower_series(e: EquationsOfMotion) -> list[SeriesKernel]:
-    """Return the kernel ``series``, and ``series_along`` if there are further quantities.
+    """Return the kernel ``sides``, and ``along`` if there are further quantities.
 
     Raises
     ------
@@ -129,24 +129,31 @@ def lower_series(e: EquationsOfMotion) -> list[SeriesKernel]:
     found |= dict(zip(sums, writer.write([total(x) for x in sums.values()]), strict=True))
     behind = _Writer(terms, e, writer)
     along = behind.write([terms.of(x) for x in e.along])
-    rows = len(behind.placed)
+    rows = len(behind.placed) + len(along)
     about = "coefficient of the right-hand side of the equations of motion"
     out = [found[i] for i in range(n + e.m)]
-    kernels = [_kernel("series", about, writer.complete(), out, rows, e.parameters)]
+    kernels = [_kernel("sides", about, writer.complete(), out, rows, e)]
     if along:
         about = "coefficient of the power of loads without potential"
-        kernels.append(_kernel("series_along", about, behind.statements, along, rows, e.parameters))
+        kernels.append(_kernel("along", about, behind.statements, along, rows, e))
     return kernels
 
 
 def _kernel(
-    name: str, about: str, statements: Sequence[Assignment], out: Sequence[Node], rows: int, parameters: int
+    name: str,
+    about: str,
+    statements: Sequence[Assignment],
+    out: Sequence[Node],
+    rows: int,
+    e: EquationsOfMotion,
 ) -> SeriesKernel:
     read = references([*(a.value for a in statements), *out])
-    inputs = [("t", 2)] + ([("p", parameters)] if any(x.startswith("p[") for x in read) else [])
+    inputs = [("t", 2)] + ([("p", e.parameters)] if any(x.startswith("p[") for x in read) else [])
     stores = tuple(Store("out", i, x) for i, x in enumerate(out))
     block = Block(name, 0, (len(out), 1), "1", about)
-    return SeriesKernel(name, about, tuple(inputs), tuple(statements), stores, (block,), rows=rows)
+    return SeriesKernel(
+        name, about, tuple(inputs), tuple(statements), stores, (block,), rows=rows, coordinates=e.n
+    )
 
 
 class _Writer:
@@ -338,7 +345,7 @@ class _Writer:
         if atom.power != ZERO:
             arguments.append(atom.power)
         arguments += [self._row(x) for x in (atom, atom.pair) if x]
-        return Call(f"series_{atom.name}", (Reference("work"), Reference("k"), *arguments))
+        return Call(f"series_{atom.name}", (Reference("rows"), Reference("k"), *arguments))
 
     def complete(self) -> list[Assignment]:
         """Return all statements: first the rows of sums of coordinates, of a and of lambda."""

@@ -37,7 +37,6 @@ cdef extern from "core/core.h" nogil:
         kernel_t tangent
         kernel_t setup
         kernel_t series
-        kernel_t series_along
         kernel_t tangent_setup
 
     cdef struct sizes:

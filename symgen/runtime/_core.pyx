@@ -541,7 +541,6 @@ cdef class KernelEquations(Integrable):
         wanted.windings = windings if functions.events != NULL else 0
         wanted.turns = turns if functions.events != NULL else 0
         functions.series = kernel_of(addresses, "series")
-        functions.series_along = kernel_of(addresses, "series_along")
         wanted.series_rows = series_rows if functions.series != NULL else 0
         wanted.choices = 0
         wanted.tangent, wanted.tangent_places = len(tangent), NULL

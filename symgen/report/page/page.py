@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from symgen.codegen.emit import UnitView
+from symgen.codegen.views import UnitView
 from symgen.report.page.drawing import Drawing
 from symgen.report.page.figures import FigureView
 from symgen.report.page.views import MatrixPattern, MatrixView, SymbolView

@@ -44,8 +44,7 @@ struct kernels {
     kernel tangent;              /* slopes of the residual by (q, u), with (q'', lambda) in work, for implicit methods */
     kernel setup;                /* quantities that depend on parameters alone, stored behind them in p; for all
                                     kernels but tangent */
-    kernel series;               /* coefficients of the power series in time, for `taylor` */
-    kernel series_along;         /* coefficients of the power of loads without potential */
+    kernel series;               /* power series in time, for `taylor`: factors are in work, coefficients in out */
     kernel tangent_setup;        /* the same for tangent, which has its own derived quantities */
 };
 

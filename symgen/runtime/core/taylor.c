@@ -1,8 +1,5 @@
-/* Power series in time: the generated kernel `series` and one factorisation a step give all coefficients.
- *
- * With the coefficients of q up to order k + 1 and those of the multipliers up to order k - 1, the kernel returns
- * coefficient k of the right-hand side of the equations of motion. Their solution is coefficient k of accelerations and
- * multipliers, and by it coefficient k + 2 of q (A. Jorba, M. Zou, Experimental Mathematics 14 (2005) 99-117).
+/* Power series in time: the generated kernel `series` and one factorisation a step give all coefficients
+ * (A. Jorba, M. Zou, Experimental Mathematics 14 (2005) 99-117).
  */
 #include <math.h>
 
@@ -21,10 +18,10 @@ enum { BOTH = 2 };
 
 struct taylor {
     long *present;    /* which of the two series is that at y */
+    long *order;      /* of each series */
     real *longest;    /* of each series: its step within the tolerance */
-    real *rows;       /* of each series: coefficients, ROWS rows as in the work of the kernel */
-    real *work_done;  /* of each series: coefficients of the work of loads without potential */
-    real *sides;      /* right-hand side and solution */
+    real *rows;       /* of each series: coefficients, ROWS rows as the kernel writes them */
+    real *changes;    /* accelerations of the series, and the power behind them */
     long *expanded;   /* whether the other series is that at y_new */
     real *f, *f_new;
 };
@@ -33,10 +30,10 @@ static size_t place(struct taylor *x, const struct equations *e, void *memory) {
     const ptrdiff_t row = e->sizes.series_rows;
     const struct arena_array arrays[] = {
         ARENA_ARRAY(x->present, 1),
+        ARENA_ARRAY(x->order, BOTH),
         ARENA_ARRAY(x->longest, BOTH),
         ARENA_ARRAY(x->rows, BOTH * ROWS * row),
-        ARENA_ARRAY(x->work_done, BOTH * ROWS),
-        ARENA_ARRAY(x->sides, e->n + e->m + 1),
+        ARENA_ARRAY(x->changes, e->n + 1),
         ARENA_ARRAY(x->expanded, 1),
         ARENA_ARRAY(x->f, e->dim),
         ARENA_ARRAY(x->f_new, e->dim),
@@ -56,13 +53,13 @@ static struct taylor taylor_of(const struct run *run) {
     return x;
 }
 
-static ptrdiff_t numbers(const long *counts) {
-    return counts[ORDER] == 0 || (LOWEST <= counts[ORDER] && counts[ORDER] <= HIGHEST) ? 0 : -1;
-}
-
 static void bind(struct run *run) {
     const struct taylor x = taylor_of(run);
     run->f = x.f, run->f_new = x.f_new;
+}
+
+static ptrdiff_t numbers(const long *counts) {
+    return counts[ORDER] == 0 || (LOWEST <= counts[ORDER] && counts[ORDER] <= HIGHEST) ? 0 : -1;
 }
 
 /* Every order takes a substitution, which takes longer than the loops over the orders unless the model is large. With
@@ -70,8 +67,7 @@ static void bind(struct run *run) {
 static long order_of(const struct run *run) {
     const long given = run->scheme.counts[ORDER];
     const double wanted = fmax(run->task.rtol, (double)REAL_EPSILON);
-    const double least = ceil(3 - 0.8 * log(wanted));
-    return given > 0 ? given : (long)fmax(LOWEST, fmin(least, HIGHEST));
+    return given > 0 ? given : (long)fmax(LOWEST, fmin(ceil(3 - 0.8 * log(wanted)), HIGHEST));
 }
 
 /* The step whose last terms are within the tolerance: those of two orders, since every other one may vanish. Both may
@@ -101,36 +97,23 @@ static real within_tolerance(const struct run *run, const real *rows, const real
 static int expand(struct run *run, long which, real t, const real *y, real *dy) {
     const struct taylor x = taylor_of(run);
     struct equations *e = run->e;
-    const long n = e->n, m = e->m, row = e->sizes.series_rows, order = order_of(run);
-    real *rows = x.rows + which * ROWS * row, *work_done = x.work_done + which * ROWS, at[2] = {t, 0};
+    const long n = e->n, row = e->sizes.series_rows, order = order_of(run);
+    const real at[] = {t, R(order - 1 + e->extra)};
+    real *rows = x.rows + which * ROWS * row;
     const int status = e->of->factorise(e, t, y);
     if (status != DONE)
         return status;
+    x.order[which] = order;
     copy(y, n, rows);
     copy(y + n, n, rows + row);
-    /* The power needs the multipliers of the same order. */
-    for (long k = 0; k + 2 <= order + e->extra; k++) {
-        real *now = rows + k * row;
-        const real by = 1 / R((k + 1) * (k + 2));
-        at[1] = R(k);
-        e->kernels.series(at, NULL, NULL, e->p, rows, x.sides);
-        e->kernels.solve(&t, y, y + n, e->p, e->factors, x.sides);
-        for (long i = 0; i < n; i++)
-            now[2 * row + i] = x.sides[i] * by;
-        for (long i = 0; i < m; i++)
-            now[n + i] = x.sides[n + i];
-        if (e->extra) {
-            e->kernels.series_along(at, NULL, NULL, e->p, rows, x.sides);
-            work_done[k + 1] = x.sides[0] / R(k + 1);
-        }
-    }
+    e->kernels.series(at, NULL, NULL, e->p, e->factors, rows);
     e->account->evaluations++;
     copy(y + n, n, dy);
     for (long i = 0; i < n; i++)
         dy[n + i] = 2 * rows[2 * row + i];
     if (e->extra) {
-        work_done[0] = y[2 * n];
-        dy[2 * n] = work_done[1];
+        rows[row - 1] = y[2 * n];
+        dy[2 * n] = rows[2 * row - 1];
     }
     if (!run->scheme.adaptive)
         return DONE;
@@ -138,24 +121,31 @@ static int expand(struct run *run, long which, real t, const real *y, real *dy) 
     return real_isfinite(x.longest[which]) ? DONE : NOT_FINITE;
 }
 
-/* Write the state a time h after y. */
+/* Write the state a time h after y; its accelerations and the power behind them to x.changes. */
 static void evaluate(const struct run *run, real h, real *y) {
     const struct taylor x = taylor_of(run);
     const struct equations *e = run->e;
-    const long n = e->n, row = e->sizes.series_rows, order = order_of(run);
-    const real *rows = x.rows + *x.present * ROWS * row, *work_done = x.work_done + *x.present * ROWS;
+    const long n = e->n, row = e->sizes.series_rows, order = x.order[*x.present];
+    const real *rows = x.rows + *x.present * ROWS * row;
     copy(rows + order * row, n, y);
-    for (long i = 0; i < n; i++)
-        y[n + i] = 0;
+    memset(y + n, 0, (size_t)n * sizeof(real));
+    memset(x.changes, 0, (size_t)n * sizeof(real));
     for (long k = order - 1; k >= 0; k--)
         for (long i = 0; i < n; i++) {
+            x.changes[i] = x.changes[i] * h + y[n + i];
             y[n + i] = y[n + i] * h + y[i];
             y[i] = y[i] * h + rows[k * row + i];
         }
+    for (long i = 0; i < n; i++)
+        x.changes[i] *= 2;
     if (e->extra) {
-        y[2 * n] = work_done[order];
-        for (long k = order - 1; k >= 0; k--)
-            y[2 * n] = y[2 * n] * h + work_done[k];
+        const real *work_done = rows + row - 1;
+        real sum = work_done[order * row], rate = 0;
+        for (long k = order - 1; k >= 0; k--) {
+            rate = rate * h + sum;
+            sum = sum * h + work_done[k * row];
+        }
+        y[2 * n] = sum, x.changes[n] = rate;
     }
 }
 
@@ -170,19 +160,6 @@ static real longest(const struct run *run) {
     const struct sizes *s = &run->e->sizes;
     const int is_watched = s->events || s->switches || s->windings || s->turns;
     return x.longest[*x.present] * (is_watched ? R(0.25) : R(1));
-}
-
-/* Write the accelerations of the series a time h after y to `changes`, and the power behind them. */
-static void differentiate(const struct run *run, const struct taylor *x, real h, real *changes) {
-    const struct equations *e = run->e;
-    const long n = e->n, row = e->sizes.series_rows, order = order_of(run);
-    const real *rows = x->rows + *x->present * ROWS * row, *work_done = x->work_done + *x->present * ROWS;
-    memset(changes, 0, (size_t)(n + e->extra) * sizeof(real));
-    for (long k = order; k >= 2; k--)
-        for (long i = 0; i < n; i++)
-            changes[i] = changes[i] * h + R(k * (k - 1)) * rows[k * row + i];
-    for (long k = order; k >= 1 && e->extra; k--)
-        changes[n] = changes[n] * h + R(k) * work_done[k];
 }
 
 /* The end is projected and expanded at once: accelerations and power there are compared with those of the series. A
@@ -206,9 +183,8 @@ static int step(struct run *run, real t, real h, real t_new) {
         return status == NOT_FINITE ? AGAIN : status;
     *x.expanded = 1;
     memset(run->error, 0, (size_t)n * sizeof(real));
-    differentiate(run, &x, h, run->error + n);
     for (long i = n; i < run->dim; i++)
-        run->error[i] = R(0.25) * h * (run->error[i] - run->f_new[i]);
+        run->error[i] = R(0.25) * h * (x.changes[i - n] - run->f_new[i]);
     const real norm = error_norm(run, h, run->error);
     run->state->norm = norm <= 1 ? 0 : norm;
     return DONE;
@@ -239,8 +215,9 @@ static void accept(struct run *run) {
 }
 
 static int valid(const struct run *run) {
-    const long present = *taylor_of(run).present;
-    return present == 0 || present == 1;
+    const struct taylor x = taylor_of(run);
+    const long present = *x.present;
+    return (present == 0 || present == 1) && LOWEST <= x.order[present] && x.order[present] <= HIGHEST;
 }
 
 const struct kind taylor_kind = {

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from symgen.runtime._core import Core
 
 _GENERATED = "symgen.generated"
-#: Kernels of power series in time, which compiled kernels of motions have.
-SERIES = ("series", "series_along")
+#: Kernel of power series in time, which compiled kernels of motions have.
+SERIES = "series"
 KERNEL = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 6)
 
 
@@ -72,7 +72,7 @@ def open_library(path: Path, description: Described) -> Library:
             .value.decode("ascii", "replace")
         )
         names = [k.name for k in description.kernels]
-        names += [name for name in SERIES if hasattr(library, f"{description.name}_{name}")]
+        names += [SERIES] if hasattr(library, f"{description.name}_{SERIES}") else []
         functions = {name: getattr(library, f"{description.name}_{name}") for name in names}
     except (OSError, ValueError, AttributeError) as error:
         raise StaleBinaryError(f"cannot use the compiled kernels {path}: {error}\n{COMPILE_AGAIN}") from None

@@ -1,0 +1,186 @@
+"""Programs as used by the templates, with every expression as final text."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from symgen.codegen.calls import CallView, merged
+from symgen.codegen.rolled import Rolled
+from symgen.lowering.expressions import GUARDED_INVERSE
+from symgen.lowering.kernel import Slot
+from symgen.precision import Precision
+
+
+@dataclass(frozen=True, slots=True)
+class TextAssignment:
+    """An assignment as source text."""
+
+    target: str
+    value: str
+
+
+@dataclass(frozen=True, slots=True)
+class BlockView:
+    """A part of ``out``, as used by the templates."""
+
+    name: str
+    first: int
+    last: int
+    rows: int
+    columns: int
+    unit: str
+    description: str
+
+
+@dataclass(frozen=True, slots=True)
+class ArrayView:
+    """An argument array that a kernel reads."""
+
+    name: str
+    size: int
+
+
+@dataclass(frozen=True, slots=True)
+class GroupView:
+    """An argument array and the meaning of its entries; ``behind`` counts derived entries from 'setup'."""
+
+    name: str
+    description: str
+    slots: tuple[Slot, ...]
+    behind: int = 0
+    has_tolerance: bool = False
+
+    @property
+    def size(self) -> int:
+        """Number of entries."""
+        return len(self.slots) + self.behind + self.has_tolerance
+
+    @property
+    def derived(self) -> str:
+        """Return the index range of the entries from 'setup', without the rank tolerance behind them."""
+        return f"{len(self.slots)}..{len(self.slots) + self.behind - 1}"
+
+
+@dataclass(frozen=True, slots=True)
+class KernelView:
+    """A kernel as used by the templates, with every expression as final text.
+
+    In C, ``early`` has the stores that follow each assignment, and ``late`` those behind all of them; of
+    large kernels, ``rolled`` has all statements.
+    """
+
+    name: str
+    description: str
+    counts: str
+    prototype: str
+    unused: tuple[str, ...]
+    first: tuple[str, ...]
+    then: tuple[str, ...]
+    assignments: tuple[TextAssignment, ...]
+    stores: tuple[TextAssignment, ...]
+    early: tuple[tuple[TextAssignment, ...], ...]
+    late: tuple[TextAssignment, ...]
+    calls: tuple[CallView, ...]
+    blocks: tuple[BlockView, ...]
+    reads: tuple[ArrayView, ...]
+    reads_work: bool
+    reads_out: bool
+    sizes: tuple[int, int, int, int]
+    work_size: int
+    out_size: int
+    after_setup: bool
+    rolled: Rolled | None
+
+
+@dataclass(frozen=True, slots=True)
+class SeriesStatement:
+    """An assignment as text, declared where it is to a new name."""
+
+    target: str
+    value: str
+    declared: str = ""
+    loop: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class LoopOverOrders:
+    """A loop over the orders for products of rows side by side."""
+
+    kind: str
+    name: str
+    first: str
+    second: str
+    count: str
+    loop: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class OrderView:
+    """A kernel for one order as used by the template."""
+
+    name: str
+    description: str
+    functions: list[str]
+    early: tuple[SeriesStatement, ...]
+    back: tuple[SeriesStatement, ...]
+    statements: tuple[SeriesStatement | LoopOverOrders, ...]
+    out: tuple[SeriesStatement, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SeriesView:
+    """The function of all orders as used by the template.
+
+    ``solve`` is the view of the kernel of the solution if it is part of the loop over the orders, else None.
+    """
+
+    name: str
+    prototype: str
+    rows: int
+    coordinates: int
+    multipliers: int
+    orders: tuple[OrderView, ...]
+    solve: KernelView | None
+
+    @property
+    def functions(self) -> list[str]:
+        """Return the names of the recurrences that it calls."""
+        return [name for order in self.orders for name in order.functions]
+
+
+@dataclass(frozen=True, slots=True)
+class UnitView:
+    """A model as used by the templates."""
+
+    name: str
+    title: str
+    guard: str
+    type: str
+    precision: Precision
+    lanes: bool
+    equations: str
+    groups: tuple[GroupView, ...]
+    references: tuple[str, ...]
+    kernels: tuple[KernelView, ...]
+    series: SeriesView | None = None
+    first: bool = True
+
+    @property
+    def tuned(self) -> GroupView | None:
+        """The array completed by 'setup'; None without this kernel."""
+        return next((g for g in self.groups if g.behind), None)
+
+    @property
+    def addressed(self) -> tuple[str, ...]:
+        """The names of all functions with the arguments of kernels."""
+        return (*(k.name for k in self.kernels), *([self.series.name] if self.series else []))
+
+    @property
+    def calls(self) -> tuple[CallView, ...]:
+        """The distinct functions called by the kernels of this file."""
+        return merged(c for k in self.kernels for c in k.calls)
+
+    @property
+    def guarded(self) -> bool:
+        """Return whether a kernel of this file calls the guarded reciprocal."""
+        return any(c.function == GUARDED_INVERSE for c in self.calls)
