@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char peaucellier_equations[65] = "1e35bc5195dfeba27ce649b6cb1132903fc8ddc6ea6aee4b5d8f09ee3da3f7ed";
+const char peaucellier_equations[65] = "fa9d22512f160bcf8f3e6717b63c2f01376237463a1d82952bd862247b34fd44";
 
 /* One over a pivot, or zero where cancellation left nothing of it. */
 static double guarded_inverse(double pivot, double sound, double tolerance)

@@ -34,6 +34,8 @@ _HALF_PI = Constant("1.570796326794896619231321691639751442099")
 Q, U, TIME, ACCELERATION, MULTIPLIER = "q", "u", "t", "a", "lambda"
 #: Functions of which each is the rate of the other, but for the sign, if that of their argument is one.
 PAIRS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
+#: The function that is the rate of the other, in its terms: 1 - tanh^2 is finite where sinh and cosh are not.
+RATES = {"tanh": "tanh_rate"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +77,8 @@ class Function:
     @property
     def pair(self) -> Function | None:
         """The function that is its rate, which needs it in turn; None for a function of no such pair."""
+        if self.name in RATES:
+            return Function(RATES[self.name], (), (self,))
         return Function(PAIRS[self.name], self.of, self.read) if self.name in PAIRS else None
 
 
@@ -235,13 +239,12 @@ class Terms:
         match name:
             case "sqrt":
                 return unit(Function(name, (x,)))
-            case "exp" | "sin" | "cos" | "sinh" | "cosh":
+            case "exp" | "sin" | "cos" | "sinh" | "cosh" | "tanh":
                 return unit(Function(name, (), (of_it,)))
             case "log":
                 return unit(Function(name, (x,), (of_it,)))
-            case "tan" | "tanh":
-                above, below = ("sin", "cos") if name == "tan" else ("sinh", "cosh")
-                return self.over(*(unit(Function(f, (), (of_it,))) for f in (above, below)))
+            case "tan":
+                return self.over(*(unit(Function(f, (), (of_it,))) for f in ("sin", "cos")))
             case "atan":
                 below_it = total([Linear(ONE), self.times(x, x)])
                 return unit(Function(name, (x,), (self.atom(below_it),)))

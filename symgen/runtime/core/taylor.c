@@ -80,11 +80,11 @@ static real within_tolerance(const struct run *run, const real *rows, const real
         real places = 0, rates = 0;
         for (long i = 0; i < n; i++) {
             const real last = rows[k * row + i];
+            if (!real_isfinite(last))
+                return REAL_INFINITY;
             places = real_fmax(places, real_fabs(last) / (atol + rtol * real_fabs(y[i])));
             rates = real_fmax(rates, R(k) * real_fabs(last) / (atol + rtol * real_fabs(y[n + i])));
         }
-        if (!(real_isfinite(places) && real_isfinite(rates)))
-            return REAL_INFINITY;
         if (rates > 0)
             length = real_fmin(length, real_pow(rates, R(-1) / R(k - 1)));
         if (places > 0)

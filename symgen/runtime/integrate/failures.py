@@ -22,7 +22,8 @@ _UNITS |= {"x": "m", "y": "m", "z": "m", "length": "m", "angle": "rad", "t": "s"
 _NEAR = 1e-2
 #: What failures of power series may have as their cause, whatever else the message says.
 _OF_SERIES = (
-    "Power series lose their digits near a loss of rank and where loads have no derivatives: try dop853."
+    "Power series lose their digits near a loss of rank, where loads have no derivatives, and where a function "
+    "in a load, such as cosh, exceeds all numbers: try dop853."
 )
 
 
@@ -188,10 +189,12 @@ def _of_the_loads(
     line = without_direction(evaluator, stepper.t, q, u, reached)
     near = f"; {line}" if line else lost_rank
     if status == _core.NOT_FINITE and not stepper.recorded:
-        return (
-            f"there are no finite accelerations at the start{near}\n"
-            f"  Change the load that has no value there, or the start. {where}"
+        what = (
+            "the power series of the motion is not finite"
+            if chosen.method.kind == "taylor"
+            else "there are no finite accelerations"
         )
+        return f"{what} at the start{near}\n  Change the load that has no value there, or the start. {where}"
     if status == _core.NOT_FINITE:
         return (
             f"a number that is not finite appeared in the step {at}{near}\n"

@@ -102,6 +102,33 @@ RODS = symgen.Scene(
 END = ("-1.6558674241800307260606411471592", "-0.52844548102495235268187639135808")
 
 
+def with_load(torque, rate):
+    """Return a rod that hangs on a joint with a torque."""
+    return symgen.build(
+        symgen.Scene(
+            points={"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["1 m", "0 m"]}},
+            links={"OA": {"points": ["O", "A"], "mass": "1 kg"}},
+            gravity={"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
+            parameters={"w": rate, "r": "10 rad/s", "M": "0.5 N*m"},
+            torques=[{"link": "OA", "torque": torque}],
+        )
+    )
+
+
+def test_steep_friction_whose_argument_is_in_the_thousands():
+    """tanh of 5000 is one, though sinh and cosh of it exceed all numbers."""
+    model = with_load("-M*tanh((OA.rate + r)/w)", "2 mrad/s")
+    run = model.simulate(0.5, samples=2, method="taylor", rtol=1e-12)
+    other = model.simulate(0.5, samples=2, method="dop853", rtol=1e-12)
+    assert run.final["A"]["position"] == pytest.approx(other.final["A"]["position"], abs=1e-11)
+
+
+def test_a_function_that_exceeds_all_numbers_is_named():
+    with pytest.raises(SimulationError, match="power series of the motion is not finite at the start") as e:
+        with_load("-M/cosh((OA.rate + r)/w)", "2 mrad/s").simulate(0.5, method="taylor")
+    assert "such as cosh, exceeds all numbers: try dop853" in str(e.value)
+
+
 def test_error_of_two_rods_after_ten_seconds():
     exact = [float(x) for x in END]
     run = symgen.build(RODS).simulate(10.0, samples=2, method="taylor", rtol=3e-14, atol=3e-16)
