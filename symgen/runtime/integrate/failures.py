@@ -22,8 +22,8 @@ _UNITS |= {"x": "m", "y": "m", "z": "m", "length": "m", "angle": "rad", "t": "s"
 _NEAR = 1e-2
 #: What failures of power series may have as their cause, whatever else the message says.
 _OF_SERIES = (
-    "Power series lose their digits near a loss of rank, where loads have no derivatives, and where a function "
-    "in a load, such as cosh, exceeds all numbers: try dop853."
+    "Power series lose their digits near a loss of rank, where loads have no derivatives, and where a "
+    "function in a load, such as cosh, exceeds all numbers: try dop853."
 )
 
 
