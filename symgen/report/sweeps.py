@@ -39,7 +39,7 @@ _READ = 2**20
 
 
 def summary(runs: xarray.Dataset) -> dict[str, Any]:
-    """Return the numbers of runs, failures and early ends, and extremes of all outputs with parameters."""
+    """Return numbers of runs, failures and early ends; of outputs the extremes and runs without a value."""
     count, failed, first, beyond, missing = runs.sizes["run"], 0, "", 0, 0
     samples, early, first_early = 0.0, 0, ""
     for part in _parts(runs):
@@ -76,11 +76,16 @@ def _parts(runs: xarray.Dataset) -> Iterator[xarray.Dataset]:
 
 
 def _extremes(runs: xarray.Dataset, name: str, component: int | None) -> dict[str, Any]:
-    """Return the least and greatest value of an output, each with its parameters; None where all failed."""
-    extremes: dict[str, Any] = {"least": None, "greatest": None}
+    """Return the least and greatest value of an output with their parameters, None where no run has one.
+
+    ``without`` is the number of runs that succeed and have no value, such as no natural frequency.
+    """
+    extremes: dict[str, Any] = {"least": None, "greatest": None, "without": 0}
     for part in _parts(runs):
         values = np.asarray(part[name].values, dtype=float)
         values = values if component is None else values[:, component]
+        succeeded = (part["error"].values == "") & (part[DONE].values != 0 if DONE in runs else True)
+        extremes["without"] += int(np.sum(np.isnan(values) & succeeded))
         if np.all(np.isnan(values)):
             continue
         for key, sign, at in (("least", 1.0, np.nanargmin(values)), ("greatest", -1.0, np.nanargmax(values))):
@@ -114,6 +119,12 @@ def _notes(about: dict[str, Any]) -> Iterator[str]:
         yield f"reductions of {about['samples']} samples per run: extremes between samples may be larger"
     if about["missing"]:
         yield f"{about['missing']} of {about['runs']} runs are missing: they belong to other parts"
+    names: dict[int, list[str]] = {}
+    for name, extremes in about["outputs"].items():
+        names.setdefault(extremes["without"], []).append(name)
+    for count, without in names.items():
+        if count:
+            yield f"{count} of {about['runs']} runs have no {', '.join(without)}: nan in the results"
     if about["failed"]:
         yield f"{about['failed']} of {about['runs']} runs failed, the first: {about['first_error']}"
     if about["ended_early"]:

@@ -91,6 +91,31 @@ def test_the_table_of_a_scene_is_carried_out(scene, tmp_path):
     assert extremes["least"]["value"] == pytest.approx(min(expected))
 
 
+def test_runs_without_a_value_of_an_output_are_counted(tmp_path):
+    """A hanging rod swings about a damped hinge only for c < m*sqrt(2/3*g*l^3): two of four runs do not."""
+    mass, length, hertz = 1.5, 0.4, []
+    scene, critical = tmp_path / "damped.toml", mass * math.sqrt(2 / 3 * 9.81 * length**3)
+    scene.write_text(
+        f"""
+symgen = 1
+points.O = {{ at = ["0 m", "0 m"], ground = true }}
+points.P = {{ at = ["0 m", "-{length} m"] }}
+links.rod = {{ points = ["O", "P"], mass = "{mass} kg" }}
+torsion_springs = [{{ link = "rod", stiffness = "0 N*m", damping = "1 N*m*s" }}]
+gravity.acceleration = ["0 m/s^2", "-9.81 m/s^2"]
+"""
+    )
+    for share in (0.2, 0.6):
+        hertz.append(math.sqrt((1 - share**2) * 1.5 * 9.81 / length) / math.tau)
+    values = ",".join(f"{share * critical} N*m*s" for share in (0.6, 1.5, 0.2, 3.0))
+    swept = [scene, "--vary", f"torsion_springs.0.damping={values}", "--analysis", "modes"]
+    assert "2 of 4 runs have no frequency.1" in command(*swept)
+    found = json.loads(command(*swept, "--json"))
+    assert found["failed"] == 0 and found["outputs"]["frequency.1"]["without"] == 2
+    extremes = [found["outputs"]["frequency.1"][key]["value"] for key in ("greatest", "least")]
+    assert extremes == pytest.approx(hertz, rel=1e-9)
+
+
 def test_a_sweep_of_failures_fails(scene, tmp_path):
     """Its table has the reasons; nothing is drawn."""
     table, picture = tmp_path / "runs.csv", tmp_path / "runs.png"
