@@ -88,13 +88,25 @@ def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
     derivative, the constraint forces' part included; the measure of a step is the work that the forces do
     along it, so forces without potential are allowed. Steps are measured in a metric that depends neither on
     the axes nor on the points that carry a body. Otherwise Newton's method with damping leads to an
-    equilibrium of any kind near the start. A start that is in equilibrium already is handed back.
+    equilibrium of any kind near the start; where the unbalanced force has a least value other than zero on
+    its path, the linkage is led downhill as well. A start that is in equilibrium already is handed back.
 
     Raises
     ------
     SimulationError
         When none is found; it names the points with unbalanced forces, and these forces.
     """
+    if not stable:
+        references = statics.references
+        try:
+            return _search(statics, q, stable)
+        except (ModelError, SimulationError):
+            statics.hold(references)
+    return _search(statics, q, True)
+
+
+def _search(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
+    """Return what one of the two methods of :func:`find` leads to, or raise its errors."""
     constraints = statics.constraints
     length = constraints.length(q)
     here = polished(constraints, q, statics.t, statics.root)

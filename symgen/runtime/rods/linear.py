@@ -27,7 +27,8 @@ class Statics:
         self, constraints: Constraints, statics: Evaluator, t: float, references: Array | None
     ) -> None:
         self.constraints, self.t = constraints, t
-        self._hold(statics, np.zeros(statics.description.windings) if references is None else references)
+        self._statics = statics
+        self.hold(np.zeros(statics.description.windings) if references is None else references)
         self._rest = np.zeros(constraints.n)
         self._entries: dict[str, tuple[Indices, ...]] = {}
         metric = np.eye(constraints.n)
@@ -55,10 +56,11 @@ class Statics:
 
     def count(self, q: Array) -> None:
         """Move the references of angles in loads along to a pose."""
-        self._hold(self._statics, references_of(self.turned(q)))
+        self.hold(references_of(self.turned(q)))
 
-    def _hold(self, statics: Evaluator, references: Array) -> None:
-        self.references, self._statics = references, statics.holding(references)
+    def hold(self, references: Array) -> None:
+        """Set the references of angles in loads [rad]."""
+        self.references, self._statics = references, self._statics.holding(references)
         #: Kernels of the equations of motion.
         self.evaluator = self.constraints.evaluator.holding(references)
 

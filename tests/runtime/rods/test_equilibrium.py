@@ -136,6 +136,24 @@ def test_a_lever_under_a_torque_without_potential():
         build(heavy).equilibrium()
 
 
+def test_an_equilibrium_of_any_kind_is_found_where_a_stable_one_is():
+    """Moment -a - sin(4 a)/2 of a light spring: its magnitude is least, 0.614, at a = pi/3, and zero at 0."""
+    angle = 1.2
+    model = build(
+        symgen.Scene(
+            points={"O": ground(0, 0), "P": at(np.cos(angle), np.sin(angle))},
+            links={"rod": rod("O", "P", 2.0)},
+            torsion_springs=[{"link": "rod", "stiffness": "1 N*m"}],
+            parameters={"moment": "0.5 N*m"},
+            torques=[{"link": "rod", "torque": "-moment*sin(4*rod.angle)"}],
+        )
+    )
+    for stable in (True, False):
+        found = model.equilibrium(stable=stable)
+        assert found.state.positions["P"] == pytest.approx([1, 0], abs=1e-12)
+        assert found.stability == "stable"
+
+
 def test_held_drives_carry_their_load():
     """A crank held at an angle: reactions and the holding torque by moments."""
     angle = 0.5
