@@ -10,6 +10,7 @@ from rich.console import Console
 
 from symgen.report.tables import table
 from symgen.runtime.linearisation.record import Linearisation, Sensitivity
+from symgen.runtime.model.compiled import degrees
 
 #: Letters of the names of columns that fit a terminal; wider matrices have numbers instead.
 _HEADINGS = 40
@@ -42,6 +43,17 @@ def print_linearisation(linearisation: Linearisation, model: Any, console: Conso
             console.print(table(name, ("", "", *columns), entries, texts=(1,), keys=2))
     poles = [f"{s.real:.6g}{s.imag:+.6g}i" for s in _without_round_off(linearisation.poles).tolist()]
     console.print(f"poles [1/s]: {', '.join(poles)}")
+    coordinates, freedoms = len(linearisation.states) // 2, linearisation.freedoms
+    if freedoms < coordinates:
+        if freedoms:
+            text = "the poles include deviations that violate constraints. Poles of independent coordinates "
+            text += "(--coordinates) are those of motions."
+        else:
+            text = (
+                "drives and constraints prescribe the motion. The poles are those of deviations that violate "
+            )
+            text += "them, and do not show whether the motion is stable."
+        console.print(f"{coordinates} coordinates, {degrees(freedoms)} of freedom: {text}")
 
 
 def _state_of(analysis: Linearisation | Sensitivity) -> str:

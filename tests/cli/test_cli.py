@@ -221,7 +221,7 @@ def test_options_are_shown_in_groups():
         (["run", "peaucellier", "--rtol", "1e-9"], "of their own: 'symgen simulate SCENE'"),
         (["run", "four_bar", "--samples", "1.5"], "expected a whole number after --samples, got '1.5'"),
         (["linearise", "crank_rocker", "--coordinates", "X"], "crank, coupler, rocker"),
-        (["linearise", "crank_rocker", "--coordinates", "crank.angle"], "no degree of freedom"),
+        (["linearise", "crank_rocker", "--coordinates", "crank.angle"], "its poles show no stability"),
         (["forces", "crank_rocker"], "See 'symgen --help'"),
         (["simulate", "thesis_four_bar", "--method", "quasi-static"], "'symgen quasi-static thesis_four_bar'"),
         (["run", "four_bar", "--at", "30"], "--at does not apply to simulate of four_bar"),
@@ -293,6 +293,17 @@ def test_tables_at_an_equilibrium_are_headed_so():
     assert shown[0].endswith(": derivatives at the equilibrium")
     shown = call("linearise", "four_bar", "--coordinates", "crank.angle").splitlines()
     assert shown[0].endswith(": linearised at t = 0 s")
+
+
+def test_poles_of_coordinates_that_constraints_couple_are_named_as_such():
+    """None belongs to a motion where drives prescribe all, as of a crank rocker."""
+
+    def shown(*arguments):
+        return " ".join(call("linearise", *arguments).split())
+
+    assert "4 coordinates, 1 degree of freedom: the poles include" in shown("four_bar")
+    assert "do not show whether the motion is stable" in shown("crank_rocker")
+    assert "freedom" not in shown("four_bar", "--coordinates", "crank.angle")
 
 
 def test_assemblies_are_those_of_the_model():

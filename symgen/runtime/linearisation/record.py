@@ -38,6 +38,8 @@ class Linearisation:
         Time [s], state, inputs and outputs about which it is linearised.
     rates
         dx/dt there: zero at an equilibrium.
+    freedoms
+        Degrees of freedom there: fewer than coordinates where constraints or drives couple these.
     at_equilibrium
         Whether that state is an equilibrium that was found as such.
     """
@@ -55,6 +57,7 @@ class Linearisation:
     u: Array
     y: Array
     rates: Array
+    freedoms: int
     at_equilibrium: bool = False
 
     def __repr__(self) -> str:
@@ -95,6 +98,7 @@ class Linearisation:
             "inputs": named(self.inputs, self.u),
             "outputs": named(self.outputs, self.y),
             "rates": self.rates.tolist(),
+            "freedoms": self.freedoms,
             **{name: getattr(self, name).tolist() for name in "ABCD"},
             "poles": [[s.real, s.imag] for s in self.poles.tolist()],
         }

@@ -56,6 +56,12 @@ def state_space(
         )
     dq, du = np.eye(n, 2 * n), np.eye(n, 2 * n, n)
     if independent:
+        if not tangents.free.shape[1]:
+            raise ModelError(
+                f"{d.name} has no degree of freedom at this state, so no independent coordinates: its drives "
+                "and constraints determine the motion\n  Without coordinates, A is the Jacobian of "
+                "accelerations by positions and velocities of all moving points; its poles show no stability."
+            )
         tangents.check_closed()
         by = [*coordinates, *(f"{name}'" for name in coordinates)]
         dq, du = moved_pose(tangents, by, coordinates)
@@ -93,6 +99,7 @@ def state_space(
         u=np.array([*inputs.values()], dtype=float),
         y=y,
         rates=np.concatenate([first, accelerations]),
+        freedoms=tangents.free.shape[1],
     )
 
 

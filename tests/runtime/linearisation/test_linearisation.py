@@ -193,6 +193,7 @@ def test_cartesian_coordinates_give_the_jacobian_of_the_right_hand_side():
         found = model.linearise(state, outputs=["OP.tension"])
         assert found.states == ("P.position.x", "P.position.y", "P.position.x'", "P.position.y'")
         check(found, acceleration, tension)
+        assert found.freedoms == 1 and found.summary()["freedoms"] == 1
     assert model.mass_matrix() == pytest.approx(2 * np.eye(2), abs=0)
     assert model.mass_matrix(coordinates=["OP.angle"]) == pytest.approx(np.array([[2.0]]), rel=1e-14)
     assert model.jacobian(off) == pytest.approx(np.array([[0.5, -0.9]]), rel=1e-15)
