@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -145,7 +147,9 @@ def exported(
     parts = {kind: _emitted(system) for kind, system in further.items()}
     sources = (*sources, *(f for _, files in parts.values() for f in files))
     names = ({kind: p.name for kind, (p, _) in parts.items()},) if parts else ()
-    return cast("Exported", export(model, program, sources, *names))
+    made = cast("Exported", export(model, program, sources, *names))
+    file = Path(scene).name if isinstance(scene, str | os.PathLike) else ""
+    return replace(made, source=shlex.quote(file) if file else "")
 
 
 def _export_of(model: Any) -> Callable[..., Any]:
@@ -160,7 +164,7 @@ def _export_of(model: Any) -> Callable[..., Any]:
 
 
 def _emitted(system: System, expected: str = "") -> tuple[Program, tuple[SourceFile, ...]]:
-    """Return the program of a system, and its sources in C.
+    """Return the program of a system, and its sources in C, without power series: no export calls them.
 
     Raises
     ------
@@ -179,4 +183,4 @@ def _emitted(system: System, expected: str = "") -> tuple[Program, tuple[SourceF
         raise GenerationError(
             f"the cached kernels of {system.name} belong to other equations\n  Run 'symgen cache clear'."
         )
-    return program, emit(program, Target(), equations)
+    return program, emit(replace(program, series=()), Target(), equations)

@@ -92,6 +92,8 @@ class Exported:
         Remarks on this scene for the README.
     specific
         Further data of the template of the family.
+    source
+        The scene on the command line: its file's name, or that of a shipped scene.
     """
 
     name: str
@@ -125,6 +127,7 @@ class Exported:
     specific: Mapping[str, Any] = field(default_factory=dict)
     compares_outputs: bool = False
     tolerance: str = TOLERANCE
+    source: str = ""
 
     @property
     def headers(self) -> tuple[str, ...]:

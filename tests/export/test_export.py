@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
+import shlex
 import shutil
 import subprocess
 
@@ -224,6 +226,24 @@ def test_what_depends_on_parameters_alone_is_computed_in_c(tmp_path):
     dy = evaluator.equations(redundant).derivative(0.0, np.array([*start, 0.0]))
     energies = evaluator("energy", 0.0, np.array(start[:n]), np.array(start[n:]))
     assert found == [*dy.tolist(), *energies[:2].tolist()]
+
+
+def test_the_readme_has_every_source_and_a_command_that_exports_the_scene_again(folders, tmp_path):
+    """Kernels of power series, which nothing there calls, are left out."""
+    for name, folder in folders.items():
+        named = {*folder.glob("*_kernel*.c"), *(folder / n for n in ("main.c", "check.c", f"{name}.c"))}
+        assert {*folder.glob("*.c")} == named
+        assert "_series(" not in (folder / f"{name}_kernel.h").read_text()
+        assert f"symgen export {name} --out FOLDER" in (folder / "README.md").read_text()
+    file = tmp_path / "two rods.toml"
+    shutil.copy(scene_path("vertical_rods"), file)
+    export_c(file, tmp_path / "first")
+    text = (tmp_path / "first" / "README.md").read_text()
+    command = shlex.split(re.search("`symgen (export .*) --out FOLDER`", text)[1])
+    with contextlib.chdir(tmp_path):
+        done = CliRunner().invoke(app, [*command, "--out", "second"])
+    assert done.exit_code == 0, done.exception
+    assert (tmp_path / "second" / "README.md").read_text() == text
 
 
 def test_a_second_export_replaces_the_first_and_nothing_else(tmp_path):
