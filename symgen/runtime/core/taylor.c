@@ -22,6 +22,7 @@ struct taylor {
     real *longest;    /* of each series: its step within the tolerance */
     real *rows;       /* of each series: coefficients, ROWS rows as the kernel writes them */
     real *changes;    /* accelerations of the series, and the power behind them */
+    real *at_end;     /* those of the end of the step: the projection looks inside the step */
     long *expanded;   /* whether the other series is that at y_new */
     real *f, *f_new;
 };
@@ -34,6 +35,7 @@ static size_t place(struct taylor *x, const struct equations *e, void *memory) {
         ARENA_ARRAY(x->longest, BOTH),
         ARENA_ARRAY(x->rows, BOTH * ROWS * row),
         ARENA_ARRAY(x->changes, e->n + 1),
+        ARENA_ARRAY(x->at_end, e->n + 1),
         ARENA_ARRAY(x->expanded, 1),
         ARENA_ARRAY(x->f, e->dim),
         ARENA_ARRAY(x->f_new, e->dim),
@@ -170,6 +172,7 @@ static int step(struct run *run, real t, real h, real t_new) {
     (void)t;
     *x.expanded = 0;
     evaluate(run, h, run->y_new);
+    copy(x.changes, run->dim - n, x.at_end);
     run->state->norm = 0;
     if (!run->scheme.adaptive)
         return DONE;
@@ -184,7 +187,7 @@ static int step(struct run *run, real t, real h, real t_new) {
     *x.expanded = 1;
     memset(run->error, 0, (size_t)n * sizeof(real));
     for (long i = n; i < run->dim; i++)
-        run->error[i] = R(0.25) * h * (x.changes[i - n] - run->f_new[i]);
+        run->error[i] = R(0.25) * h * (x.at_end[i - n] - run->f_new[i]);
     const real norm = error_norm(run, h, run->error);
     run->state->norm = norm <= 1 ? 0 : norm;
     return DONE;

@@ -143,7 +143,9 @@ def test_digits_of_quadruple_precision():
     assert run.statistics["steps"] < 400
 
 
-@pytest.mark.parametrize("name", ["peaucellier", "andrews_squeezer", "car_axis", "tumbling_body", "whip"])
+@pytest.mark.parametrize(
+    "name", ["peaucellier", "andrews_squeezer", "car_axis", "tumbling_body", "whip", "crank_rocker"]
+)
 def test_scenes_agree_with_runge_kutta(name):
     """Guides, drives, moving ground, springs, dampers, bodies, the energy balance: within the tolerances."""
     model = symgen.build(name)
