@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char peaucellier_equations[65] = "fa9d22512f160bcf8f3e6717b63c2f01376237463a1d82952bd862247b34fd44";
+const char peaucellier_equations[65] = "548d4f13468ef077ef307c19d134acae160f3bc9e37c0f166eca26c1197a2c69";
 
 /* One over a pivot, or zero where cancellation left nothing of it. */
 static double guarded_inverse(double pivot, double sound, double tolerance)

@@ -234,6 +234,8 @@ def _series(program: Program, kernels: tuple[KernelView, ...], target: Target) -
         sides.rows,
         sides.coordinates,
         sides.out_size - sides.coordinates,
+        sum(k.out_size for k in program.series[1:]) - sides.watched,
+        sides.watched,
         tuple(order_view(k, _type(target), printer(target)) for k in program.series),
         solve if len(solve.assignments) + len(solve.stores) <= INLINED and not solve.rolled else None,
     )

@@ -132,6 +132,7 @@ class SeriesView:
     """The function of all orders as used by the template.
 
     ``solve`` is the view of the kernel of the solution if it is part of the loop over the orders, else None.
+    ``power`` is 1 if the power of loads is integrated, else 0; ``watched`` counts other quantities.
     """
 
     name: str
@@ -139,6 +140,8 @@ class SeriesView:
     rows: int
     coordinates: int
     multipliers: int
+    power: int
+    watched: int
     orders: tuple[OrderView, ...]
     solve: KernelView | None
 

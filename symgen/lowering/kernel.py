@@ -119,11 +119,12 @@ class SeriesKernel(Kernel):
     """A kernel of power series in time for one order.
 
     There are ``rows`` coefficients of each order: those of the ``coordinates``, of the multipliers, of
-    operands, and of further quantities.
+    operands, of the work of loads without potential, and last of the ``watched`` quantities.
     """
 
     rows: int = 0
     coordinates: int = 0
+    watched: int = 0
 
 
 @dataclass(frozen=True, slots=True)

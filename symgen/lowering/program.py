@@ -15,6 +15,8 @@ from symgen.lowering.sparse_ldlt import Factor, factor, solve
 from symgen.lowering.straight_line import Shared, StraightLine
 from symgen.symbolic.system import Export, NamedMatrix, SaddlePoint, System
 
+#: Matrix of the kernel 'events' that has the rates of the one before it.
+RATES = "turn_rates"
 #: Size of ``out`` above which zeros are no stores.
 ALL_ZEROS = 20_000
 
@@ -152,6 +154,8 @@ class _Lowering:
         n, m = self.system[point.mass].matrix.rows, self.system[point.jacobian].matrix.rows
         of = self.shared.entries
         mass, jacobian = ({divmod(ij, n): e for ij, e in of[x].items()} for x in (point.mass, point.jacobian))
+        of_runs = (x.matrices for x in self.system.exports if x.kernel == "events")
+        watched = [self.system[name] for names in of_runs for name in names if name != RATES]
         equations = EquationsOfMotion(
             self.shared.values,
             n,
@@ -160,7 +164,8 @@ class _Lowering:
             jacobian,
             of[point.force] | {n + i: e for i, e in of[point.rhs].items()},
             of.get("constraints", {}),
-            [of["power"].get(0, ZERO)] if "power" in of else [],
+            of["power"].get(0, ZERO) if "power" in of else None,
+            [of[x.name].get(i, ZERO) for x in watched for i in range(len(x.matrix))],
             len(self.system.group("p").quantities),
         )
         return list(lower_series(equations))

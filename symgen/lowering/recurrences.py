@@ -3,7 +3,8 @@
 The kernel ``sides`` is called for the orders k = 0, 1, 2, ... of one step in turn. It returns coefficient k
 of the right-hand side of [M J^T; J 0] [a; lambda] = [f; gamma], with those of a and lambda of order k still
 zero. The matrix at the beginning of the step is that of all orders: ``solve`` gives coefficient k of a and
-lambda, and by it coefficient k + 2 of q. Then ``along`` returns coefficient k of further quantities.
+lambda, and by it coefficient k + 2 of q. Then ``along`` returns coefficient k of further quantities: the
+power, and what a run watches.
 
 Each order has a row of coefficients: those of q, those of lambda, and the operands of products and functions.
 Operands of products are side by side: one loop over the orders computes all products that do not depend on
@@ -16,8 +17,10 @@ the products of gamma - J a, and leaves no error of lower order in the constrain
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
+from symgen.errors import DerivationError
 from symgen.lowering.expressions import (
     ZERO,
     Call,
@@ -85,7 +88,9 @@ class EquationsOfMotion:
         Entries of f, and behind them of gamma.
     constraints
         Entries of Phi.
-    along
+    power
+        The power of loads without potential, if it is integrated.
+    watched
         Further quantities whose series are wanted.
     parameters
         Number of parameters.
@@ -98,12 +103,15 @@ class EquationsOfMotion:
     jacobian: Mapping[tuple[int, int], Node]
     sides: Mapping[int, Node]
     constraints: Mapping[int, Node]
-    along: Sequence[Node]
+    power: Node | None
+    watched: Sequence[Node]
     parameters: int
 
 
 def lower_series(e: EquationsOfMotion) -> list[SeriesKernel]:
     """Return the kernel ``sides``, and ``along`` if there are further quantities.
+
+    What is watched has no series if one of its functions has no recurrence.
 
     Raises
     ------
@@ -128,14 +136,18 @@ def lower_series(e: EquationsOfMotion) -> list[SeriesKernel]:
     found = writer.two_ahead({n + i: x for i, x in squares.items()})
     found |= dict(zip(sums, writer.write([total(x) for x in sums.values()]), strict=True))
     behind = _Writer(terms, e, writer)
-    along = behind.write([terms.of(x) for x in e.along])
+    powers, watched = [] if e.power is None else [terms.of(e.power)], list[Linear]()
+    with suppress(DerivationError):
+        watched = [terms.of(x) for x in e.watched]
+    along = behind.write([*powers, *watched])
     rows = len(behind.placed) + len(along)
     about = "coefficient of the right-hand side of the equations of motion"
     out = [found[i] for i in range(n + e.m)]
-    kernels = [_kernel("sides", about, writer.complete(), out, rows, e)]
+    kernels = [_kernel("sides", about, writer.complete(), out, rows, e, len(watched))]
     if along:
-        about = "coefficient of the power of loads without potential"
-        kernels.append(_kernel("along", about, behind.statements, along, rows, e))
+        about = "coefficient of the power of loads without potential" if powers else "coefficient"
+        about += (" and" if powers else "") + " of what a run watches" if watched else ""
+        kernels.append(_kernel("along", about, behind.statements, along, rows, e, len(watched)))
     return kernels
 
 
@@ -146,13 +158,22 @@ def _kernel(
     out: Sequence[Node],
     rows: int,
     e: EquationsOfMotion,
+    watched: int,
 ) -> SeriesKernel:
     read = references([*(a.value for a in statements), *out])
     inputs = [("t", 2)] + ([("p", e.parameters)] if any(x.startswith("p[") for x in read) else [])
     stores = tuple(Store("out", i, x) for i, x in enumerate(out))
     block = Block(name, 0, (len(out), 1), "1", about)
     return SeriesKernel(
-        name, about, tuple(inputs), tuple(statements), stores, (block,), rows=rows, coordinates=e.n
+        name,
+        about,
+        tuple(inputs),
+        tuple(statements),
+        stores,
+        (block,),
+        rows=rows,
+        coordinates=e.n,
+        watched=watched,
     )
 
 

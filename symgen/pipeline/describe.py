@@ -180,6 +180,7 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
         inputs=tuple(p.quantity.name for p in linkage.parameters if p.input),
         first_pivot=program.pivots,
         series_rows=program.series[0].rows if program.series else 0,
+        series_watched=program.series[0].watched if program.series else 0,
         start=(),
         redundant=(),
         t_end=linkage.number(linkage.t_end),

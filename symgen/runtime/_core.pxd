@@ -40,7 +40,7 @@ cdef extern from "core/core.h" nogil:
         kernel_t tangent_setup
 
     cdef struct sizes:
-        long n, m, extra, parameters, derived, tangent_derived, work, first_pivot, redundant, events, switches, windings, turns, choices, series_rows, tangent
+        long n, m, extra, parameters, derived, tangent_derived, work, first_pivot, redundant, events, switches, windings, turns, choices, series_rows, series_watched, tangent
         const long *tangent_places
         double rank_tolerance, slack, stabilisation
 

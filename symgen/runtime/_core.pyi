@@ -114,6 +114,7 @@ class KernelEquations(Integrable):
         *,
         core: Core = ...,
         series_rows: int = 0,
+        series_watched: int = 0,
         events: int = 0,
         switches: int = 0,
         windings: int = 0,

@@ -517,7 +517,7 @@ cdef class KernelEquations(Integrable):
 
     def __init__(self, library, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, const double[::1] p,
                  Py_ssize_t work_size, Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant,
-                 double slack, *, long series_rows=0, Core core=DOUBLE, long events=0, long switches=0, long windings=0, long turns=0, tangent=(),
+                 double slack, *, long series_rows=0, long series_watched=0, Core core=DOUBLE, long events=0, long switches=0, long windings=0, long turns=0, tangent=(),
                  tangent_library=None, double stabilisation=0.0):
         cdef kernels functions
         cdef sizes wanted
@@ -542,6 +542,7 @@ cdef class KernelEquations(Integrable):
         wanted.turns = turns if functions.events != NULL else 0
         functions.series = kernel_of(addresses, "series")
         wanted.series_rows = series_rows if functions.series != NULL else 0
+        wanted.series_watched = series_watched if functions.series != NULL else 0
         wanted.choices = 0
         wanted.tangent, wanted.tangent_places = len(tangent), NULL
         if wanted.tangent:

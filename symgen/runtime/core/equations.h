@@ -66,6 +66,8 @@ struct sizes {
                               coordinates, if there are choices */
     long choices;          /* choices of coordinates, parameters in the place of references: see `rewrite` below */
     long series_rows;      /* numbers of a row of coefficients of `series`; 0 without this kernel */
+    long series_watched;   /* of these, the last are coefficients of the values of `events` without the rates of turns; 0
+                              if they have none */
     long tangent;          /* values that `tangent` writes */
     const long *tangent_places; /* row, column and place in `out` of each value, column by column */
     double rank_tolerance; /* rank is lost where a multiplier's pivot keeps at most this part of its own-signed terms */

@@ -479,12 +479,12 @@ static int one_step(struct run *run) {
     memcpy(run->y_old, run->y, bytes);
     s->t_old = s->t, s->sound = sound;
     memcpy(run->y, run->y_new, bytes);
+    follow_windings(run, t_new);
     kind->accept(run);
     if (!run->scheme.adaptive && !is_counted(run))
         s->t_left = (h + s->t_left) - (t_new - s->t);
     s->t = t_new;
     s->steps++;
-    follow_windings(run, s->t_old);
     if (run->e->sizes.switches && s->ended_by < 0) {
         status = crossed < 0 ? watch_switches(run) : switch_over(run, crossed);
         if (status != DONE)

@@ -45,6 +45,8 @@ struct task {
 
 struct run;
 
+/* Capacity of the coefficients of a polynomial over a step. */
+enum { MOST_COEFFICIENTS = 64 };
 /* Capacity of the counts of any method. */
 enum { MOST_COUNTS = 16 };
 /* Most stages of an explicit method. */
@@ -84,7 +86,11 @@ struct kind {
     int (*valid)(const struct run *run);
     /* The length of the next step within the tolerance; NULL if the loop finds it by the errors of steps. */
     real (*longest)(const struct run *run);
+    /* Write the MOST_COEFFICIENTS at most of value number i of the kernel `events` over a time h from y, by powers of
+       the part of this time; return the degree. NULL without series; only for models with sizes.series_watched. */
+    long (*polynomial)(const struct run *run, long i, real h, real *c);
 };
+
 
 /* A method: its kind with coefficients. */
 struct scheme {
@@ -236,6 +242,11 @@ static inline int is_magnified(const struct run *run) {
     return run->state->sound < NEAR && run->task.stabilisation == PROJECTION;
 }
 
+/* Whether steps have polynomials of the values of the kernel `events`. */
+static inline int has_polynomials(const struct run *run) {
+    return run->scheme.kind->polynomial != NULL && run->e->sizes.series_watched > 0;
+}
+
 int all_finite(const real *v, long count);
 
 /* The largest magnitude of `count` numbers, 0 for none. */
@@ -278,9 +289,9 @@ int watch_switches(struct run *run);
 /* Release all branches: loads then depend on the state alone. */
 void release_switches(struct run *run);
 
-/* Update the references of angles in loads, and the continuous angles of links; `before` is the time of the previous
-   state. They belong to the next recorded sample. */
-void follow_windings(struct run *run, real before);
+/* Update the references of angles in loads, and the continuous angles of links, for y at the end t of the present step.
+   They belong to the next recorded sample. */
+void follow_windings(struct run *run, real t);
 void keep_windings(struct run *run);
 
 /* The kind of that name, NULL if unknown. */

@@ -10,7 +10,7 @@
 /* The count of a scheme: the order of the series; 0 for the order that the tolerance needs. */
 enum { ORDER };
 enum { LOWEST = 3 };
-enum { HIGHEST = 64 };
+enum { HIGHEST = MOST_COEFFICIENTS };
 /* Rows of coefficients: the kernel writes one more than the order, and there is one of order 0. */
 enum { ROWS = HIGHEST + 3 };
 /* Series at y and at y_new. */
@@ -100,7 +100,7 @@ static int expand(struct run *run, long which, real t, const real *y, real *dy) 
     const struct taylor x = taylor_of(run);
     struct equations *e = run->e;
     const long n = e->n, row = e->sizes.series_rows, order = order_of(run);
-    const real at[] = {t, R(order - 1 + e->extra)};
+    const real at[] = {t, R(order - 1 + (e->extra || e->sizes.series_watched))};
     real *rows = x.rows + which * ROWS * row;
     const int status = e->of->factorise(e, t, y);
     if (status != DONE)
@@ -114,8 +114,9 @@ static int expand(struct run *run, long which, real t, const real *y, real *dy) 
     for (long i = 0; i < n; i++)
         dy[n + i] = 2 * rows[2 * row + i];
     if (e->extra) {
-        rows[row - 1] = y[2 * n];
-        dy[2 * n] = rows[2 * row - 1];
+        real *work_done = rows + row - 1 - e->sizes.series_watched;
+        work_done[0] = y[2 * n];
+        dy[2 * n] = work_done[row];
     }
     if (!run->scheme.adaptive)
         return DONE;
@@ -141,7 +142,7 @@ static void evaluate(const struct run *run, real h, real *y) {
     for (long i = 0; i < n; i++)
         x.changes[i] *= 2;
     if (e->extra) {
-        const real *work_done = rows + row - 1;
+        const real *work_done = rows + row - 1 - e->sizes.series_watched;
         real sum = work_done[order * row], rate = 0;
         for (long k = order - 1; k >= 0; k--) {
             rate = rate * h + sum;
@@ -156,11 +157,11 @@ static int begin(struct run *run) {
     return expand(run, 0, run->state->t, run->y, run->f);
 }
 
-/* Events, jumps of loads and revolutions are looked for at probes, whose number in a step is that of shorter steps. */
+/* Events and jumps of loads are looked for at probes, whose number in a step is that of shorter steps. */
 static real longest(const struct run *run) {
     const struct taylor x = taylor_of(run);
     const struct sizes *s = &run->e->sizes;
-    const int is_watched = s->events || s->switches || s->windings || s->turns;
+    const int is_watched = s->events || s->switches || s->windings || (s->turns && !s->series_watched);
     return x.longest[*x.present] * (is_watched ? R(0.25) : R(1));
 }
 
@@ -211,6 +212,17 @@ static void interpolate(struct run *run, real h, real theta, real *y) {
     evaluate(run, theta * h, y);
 }
 
+static long polynomial(const struct run *run, long i, real h, real *c) {
+    const struct taylor x = taylor_of(run);
+    const struct sizes *s = &run->e->sizes;
+    const long row = s->series_rows, degree = x.order[*x.present] - 1;
+    const real *value = x.rows + *x.present * ROWS * row + row - s->series_watched + i;
+    real power = 1;
+    for (long k = 0; k <= degree; k++, power *= h)
+        c[k] = value[k * row] * power;
+    return degree;
+}
+
 static void accept(struct run *run) {
     long *present = taylor_of(run).present;
     *present = 1 - *present;
@@ -225,4 +237,5 @@ static int valid(const struct run *run) {
 
 const struct kind taylor_kind = {
     "taylor", "order", "", 0, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept, valid, longest,
+    polynomial,
 };

@@ -5,8 +5,9 @@
  * This changes the angle by rounding only, if no step rotates by more than a quarter revolution.
  *
  * Recorded angles of links: from step to step, and from the step's start to a sample in it, an angle is continued by
- * the number of revolutions for which its change is nearest to the mean rate of both ends times the duration. With
- * choices of coordinates, the usual ones are recorded in their place.
+ * the number of revolutions for which its change is nearest to that of its power series; for a method without one, to
+ * the mean rate of both ends times the duration. With choices of coordinates, the usual ones are recorded in their
+ * place.
  */
 #include "run.h"
 
@@ -22,12 +23,22 @@ static const real *links(const struct run *run) {
     return run->e->gaps + sizes->events + sizes->switches + sizes->windings;
 }
 
+/* Return by how much the angle of a link changes from y to the last look a time later: by its polynomial, else about. */
+static real change(const struct run *run, long k, real after) {
+    const struct sizes *s = &run->e->sizes;
+    if (!has_polynomials(run) || after == 0)
+        return after * (run->turned[s->turns + k] + links(run)[s->turns + k]) / R(2);
+    real c[MOST_COEFFICIENTS], sum = 0;
+    for (long i = run->scheme.kind->polynomial(run, s->events + s->switches + s->windings + k, after, c); i > 0; i--)
+        sum += c[i];
+    return sum;
+}
+
 /* Return the angle of a link at the last look, a time after y. */
 static real turned(const struct run *run, long k, real after) {
     const real revolution = R(6.283185307179586476925286766559005768L);
-    const long turns = run->e->sizes.turns;
     const real *now = links(run);
-    real expected = run->turned[k] + after * (run->turned[turns + k] + now[turns + k]) / R(2);
+    real expected = run->turned[k] + change(run, k, after);
     if (!real_isfinite(expected))
         expected = run->turned[k];
     return now[k] + R(rint((double)((expected - now[k]) / revolution))) * revolution;
@@ -58,13 +69,13 @@ int follow_references(struct equations *e) {
     return moved;
 }
 
-void follow_windings(struct run *run, real before) {
+void follow_windings(struct run *run, real t) {
     const struct sizes *sizes = &run->e->sizes;
     if ((sizes->windings == 0 && sizes->turns == 0) || sizes->choices)
         return;
-    look_at_events(run->e, run->state->t, run->y);
+    look_at_events(run->e, t, run->y);
     if (sizes->turns)
-        follow_turns(run, run->state->t - before);
+        follow_turns(run, t - run->state->t);
     follow_references(run->e);
 }
 

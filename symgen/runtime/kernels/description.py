@@ -167,7 +167,7 @@ class Description(Described):
     ``lugs`` are rigid joints of points off elastic links, with points on the line ("" if named). ``drawn`` is
     the number of points of the scene, the first. ``gears`` are the numbers of teeth by link, with that of the
     carrier. ``first_pivot`` is a place in ``work`` of 'factor'. ``series_rows`` counts the coefficients of
-    one order of power series in time.
+    one order of power series in time, ``series_watched`` those of the kernel 'events' among them.
     """
 
     axes: tuple[str, ...]
@@ -203,6 +203,7 @@ class Description(Described):
     rates: tuple[str, ...] = ()
     size: float = 0.0
     series_rows: int = 0
+    series_watched: int = 0
 
     @property
     def method(self) -> str:

@@ -164,6 +164,7 @@ class Evaluator(Kernels):
             redundant,
             slack,
             series_rows=d.series_rows,
+            series_watched=d.series_watched,
             events=len(d.events),
             switches=len(d.switches),
             windings=d.windings,

@@ -200,6 +200,29 @@ def test_events_and_revolutions_of_a_fast_rotor_are_counted():
     assert len(run.events) == 16
 
 
+def test_counted_revolutions_take_no_further_steps():
+    """Two rods whose rates change sign, against steps in which no rod turns by a tenth of a revolution."""
+    names = ["A.position", "B.position", "OA.angle", "AB.angle"]
+    models = [
+        symgen.build(
+            symgen.Scene(
+                points=RODS.points,
+                links=RODS.links,
+                gravity=RODS.gravity,
+                start={"rates": {"OA": "25 rad/s", "AB": "-20 rad/s"}},
+                analysis={"outputs": outputs},
+            )
+        )
+        for outputs in (names, names[:2])
+    ]
+    run, without = (m.simulate(2.0, samples=7, method="taylor", rtol=1e-12) for m in models)
+    assert run.statistics["steps"] == without.statistics["steps"]
+    finely = models[0].simulate(2.0, samples=7, method="dop853", rtol=1e-12, max_step=2e-3)
+    for name in names[2:]:
+        assert np.ptp(run[name].values) > 20
+        assert run[name].values == pytest.approx(finely[name].values, abs=1e-6)
+
+
 #: Motions whose last coefficients vanish, underflow or overflow, or do not show the error of a step.
 ODD = {"cubed time": ("-t*x", 0.0, 8.0), "slow": ("-x*10**-12", 0.0, 1e7), "fast": ("-x*10**8", 1.0, 0.01)}
 
