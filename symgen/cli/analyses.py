@@ -156,17 +156,19 @@ def linearise(ctx: typer.Context) -> None:
 
 @analysis(
     "symgen sensitivity peaucellier --at equilibrium --outputs O.reaction",
-    "outputs parameters at stable coordinates set_ as_json backend",
+    "outputs parameters at stable coordinates t_end set_ as_json backend",
     required="scene outputs",
     outputs=o.names("--outputs", "Outputs, such as A.position.x, or frequencies.", list[str]),
     parameters=o.names("--parameters", "Tunable parameters; default: all."),
     at=o.maybe(str, "--at", "STATE", 'start (default), equilibrium, or a time of a driven linkage, "0.3 s".'),
     coordinates=o.names("--coordinates", "Independent coordinates to hold, such as crank.angle."),
+    t_end=o.maybe(float, "--t-end", "SECONDS", "Derivatives at this time [s] of the run from that state."),
 )
 def sensitivity(ctx: typer.Context) -> None:
     """Compute exact derivatives of outputs with respect to tunable parameters.
 
-    An equilibrium moves with the parameters. At any other state, drives and coordinates are held constant.
+    An equilibrium moves with the parameters. At any other state, drives and coordinates are held constant,
+    along a run at its start.
     """
     request = CommandRequest(ctx)
     about = _state(request)

@@ -204,7 +204,9 @@ def _estimated(model: Any, arguments: dict[str, Any], as_json: bool) -> None:
         about = {"runs": runs, "chunks": chunks, "seconds": time}
         print_json({"scene": model.name, "kind": "sweep_estimate", "analysis": sweep.analysis, **about})
         return
-    console().print(f"{runs} runs of {sweep.analysis} in {chunks} chunks: about {time:.2g} s")
+    console().print(
+        f"{runs} runs of {sweep.analysis.replace('_', ' ')} in {chunks} chunks: about {time:.2g} s"
+    )
 
 
 def _part(text: str | None) -> tuple[int, int]:

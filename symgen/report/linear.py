@@ -57,7 +57,9 @@ def print_linearisation(linearisation: Linearisation, model: Any, console: Conso
 
 
 def _state_of(analysis: Linearisation | Sensitivity) -> str:
-    return "the equilibrium" if analysis.at_equilibrium else f"t = {analysis.t:g} s"
+    if analysis.at_equilibrium:
+        return "the equilibrium"
+    return f"t = {np.ravel(analysis.t)[-1]:g} s{' of the run' * bool(np.ndim(analysis.t))}"
 
 
 def _without_round_off(poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -68,12 +70,13 @@ def _without_round_off(poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
 
 
 def print_sensitivity(sensitivity: Sensitivity, model: Any, console: Console) -> None:
-    """Print values of outputs and their derivatives by parameters."""
+    """Print values of outputs and their derivatives by parameters; along a run those at its end."""
+    count = len(sensitivity.outputs)
+    values = sensitivity.values.reshape(-1, count)[-1]
+    derivatives = sensitivity.derivatives.reshape(-1, count, len(sensitivity.parameters))[-1]
     rows = [
         (name, sensitivity.units[name], f"{value + 0.0:.9g}", *slopes)
-        for name, value, slopes in zip(
-            sensitivity.outputs, sensitivity.values, sensitivity.derivatives.tolist(), strict=True
-        )
+        for name, value, slopes in zip(sensitivity.outputs, values, derivatives.tolist(), strict=True)
     ]
     by = [f"by {name} [{sensitivity.units[name]}]" for name in sensitivity.parameters]
     title = f"{model.description.title}: derivatives at {_state_of(sensitivity)}"

@@ -223,6 +223,9 @@ def test_options_are_shown_in_groups():
         (["linearise", "crank_rocker", "--coordinates", "X"], "crank, coupler, rocker"),
         (["linearise", "crank_rocker", "--coordinates", "crank.angle"], "its poles show no stability"),
         (["forces", "crank_rocker"], "See 'symgen --help'"),
+        (["simulate", "elastic_four_bar", "--method", "taylor"], "'taylor' is for rigid links"),
+        (["inverse-dynamics", "four_bar"], "does not support inverse dynamics: it has more degrees"),
+        (["sensitivity", "peaucellier", "--outputs", "D.position", "--at", "1 s"], "Give t_end (--t-end)"),
         (["simulate", "thesis_four_bar", "--method", "quasi-static"], "'symgen quasi-static thesis_four_bar'"),
         (["run", "four_bar", "--at", "30"], "--at does not apply to simulate of four_bar"),
         (["modes", "four_bar", "--at", "30"], "--at does not apply to modes of four_bar"),
@@ -282,6 +285,21 @@ acceleration = [0, "-9.81 m/s^2"]
     assert json.loads(call("linearise", str(file), *about))["A"][1][0] == pytest.approx(falling**2, rel=1e-12)
     refused = runner.invoke(app, ["linearise", str(file), "--any"])
     assert refused.exit_code and "--any is for --at equilibrium" in str(refused.exception)
+
+
+def test_derivatives_along_a_run_are_those_at_its_end(tmp_path):
+    """A rod without forces turns by its initial rate w: y(t) = l sin(a + w t)."""
+    text = """symgen = 1
+points.O = { at = [0, 0], ground = true }
+points.P = { at = ["0.5 m", 0] }
+links.rod = { points = ["O", "P"], mass = "1 kg" }
+"""
+    file = tmp_path / "rod.toml"
+    file.write_text(text, "utf-8")
+    about = ["--outputs", "P.position.y", "--coordinates", "rod.angle", "--t-end", "0.7"]
+    shown = call("sensitivity", str(file), *about).splitlines()
+    assert shown[0].endswith(": derivatives at t = 0.7 s of the run")
+    assert [float(x) for x in shown[-1].split()[-2:]] == pytest.approx([0.5, 0.35], rel=1e-6)
 
 
 def test_tables_at_an_equilibrium_are_headed_so():

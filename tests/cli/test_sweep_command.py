@@ -131,6 +131,8 @@ def test_options_replace_the_table(scene):
     extremes = found["outputs"]["rod.torque.least"]
     assert extremes["least"]["value"] == pytest.approx(-2 * 9.81, rel=1e-12)
     assert extremes["unit"] == "N*m"
+    named = command(scene, "--vary", "length=1 m,2 m", "--analysis", "inverse-dynamics")
+    assert "sweep of inverse dynamics, 2 runs" in named
     sampled = json.loads(command(scene, "--vary", "length=1 m:2 m", "--sobol", "4", "--seed", "1", "--json"))
     assert sampled["runs"] == 4
 
@@ -269,7 +271,7 @@ def test_a_dry_run_counts_the_runs_and_writes_nothing(scene, tmp_path):
     assert (found["runs"], found["chunks"], found["analysis"]) == (6, 1, "inverse_dynamics")
     assert 0.0 < found["seconds"] < 60.0 and not out.exists()
     part = ["--dry-run", "--chunk", "4", "--part", "2/2"]
-    assert "2 runs of inverse_dynamics in 1 chunks: about" in command(scene, *part, "--out", "a.zarr")
+    assert "2 runs of inverse dynamics in 1 chunks: about" in command(scene, *part, "--out", "a.zarr")
     for wrong, words in (
         (["--out", "no/a.zarr"], "there is no folder"),
         (["--out", "a.zip"], ".zarr or .csv"),
@@ -305,7 +307,7 @@ def test_corners_are_recorded_by_of():
     angle = found["A.B.C.transmission_angle.least"]
     assert angle["greatest"]["value"] == pytest.approx(math.acos(34 / (2 * 30)), rel=1e-12)
     assert angle["least"]["value"] == pytest.approx(math.acos(36 / (2 * 30)), rel=1e-12)
-    with pytest.raises(ModelError, match="of names points and links .* got a sweep of inverse_dynamics"):
+    with pytest.raises(ModelError, match="of names points and links .* got a sweep of inverse dynamics"):
         command(*line[:3], "--of", "A.B.C", "--outputs", "crank.torque")
 
 

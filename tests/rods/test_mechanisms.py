@@ -336,7 +336,10 @@ BAD = {
         {"drivers": [{"link": "crank", "angle": "t*unit"}, {"link": "rod", "angle": "t*unit"}]},
         "singular at the start|cannot be assembled|contradict",
     ),
-    "no torque": ({"drivers": [], "analysis": {"outputs": ["crank.torque"]}}, "has no driver"),
+    "no torque": (
+        {"drivers": [], "analysis": {"outputs": ["crank.torque"]}},
+        "Remove crank.torque from the outputs",
+    ),
 }
 
 

@@ -143,7 +143,8 @@ def _torque(model: RodsModel, name: str) -> Entries:
     if multiplier is None:
         raise SceneError(
             f"{name} has no driver, so no drive torque",
-            hint="Applied torques are outputs by their number from 0: record torques.0.torque.",
+            hint=f"Remove {name}.torque from the outputs, as --set analysis.outputs=none does with all; "
+            "applied torques are outputs by their number from 0, such as torques.0.torque.",
         )
     if name in model.hinges:
         return (

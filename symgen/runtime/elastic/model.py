@@ -16,6 +16,7 @@ from symgen.errors import ModelError, check_known, nearest
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import BEAM_METHODS
 from symgen.runtime.integrate.checkpoint import CheckpointOptions
+from symgen.runtime.integrate.integrators import INTEGRATORS
 from symgen.runtime.integrate.options import initial_state, sample_count
 from symgen.runtime.integrate.pace import Progress, limited, uncounted
 from symgen.runtime.kernels.arguments import real, reals
@@ -285,6 +286,11 @@ class ElasticModel(ModelOfRigid):
         if method not in METHODS:
             verbs = {"quasi-static": "quasi_static", "periodic": "periodic", "exact": "large_rotation"}
             hint = nearest(method, METHODS)
+            if method in INTEGRATORS:
+                raise ModelError(
+                    f"the method {method!r} is for rigid links, and {self.name} has elastic ones\n"
+                    f"  Their methods are {', '.join(METHODS)}."
+                )
             if method in verbs:
                 command = verbs[method].replace("_", "-")
                 hint = f"It is model.{verbs[method]}(), on the command line 'symgen {command} {self.name}'."

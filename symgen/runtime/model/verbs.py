@@ -35,7 +35,9 @@ class Verb:
         if self.name not in model._supported:
             reason = model._refused(self.name)
             if reason is not None:
-                raise CapabilityError(f"{model.name} does not support {self.name}: {reason}")
+                raise CapabilityError(
+                    f"{model.name} does not support {self.name.replace('_', ' ')}: {reason}"
+                )
             model._supported.add(self.name)
         return MethodType(self.call, model)
 

@@ -83,7 +83,7 @@ class Sweep:
     @property
     def attributes(self) -> dict[str, str]:
         """Attributes of the dataset."""
-        title = f"sweep of {self.analysis}, {self.design.count} runs"
+        title = f"sweep of {self.analysis.replace('_', ' ')}, {self.design.count} runs"
         return attributes_of(self.model.description, title)
 
     @property
@@ -183,10 +183,14 @@ def sweep_of(
     elastic = "quasi_static" in supported  # as of symgen run: inverse dynamics is of rigid links
     preferred = ("simulate",) if elastic else ("inverse_dynamics", "simulate", "kinematics")
     verb = analysis or next((name for name in preferred if name in supported), "simulate")
+    verb = verb.replace("-", "_")  # as commands are named
     if verb not in ANALYSES:
         raise ModelError(f"there are no sweeps of {verb!r}. {nearest(verb, supported or ANALYSES)}")
     if "of" in arguments and verb != "kinematics":
-        after = f" names points and links that kinematics records, got a sweep of {verb}\n  Sweep kinematics."
+        other = verb.replace("_", " ")
+        after = (
+            f" names points and links that kinematics records, got a sweep of {other}\n  Sweep kinematics."
+        )
         raise ArgumentError("of", before="", after=after, call="Model.sweep")
     getattr(model, verb)  # raises the reason where the model does not support it
     if not hasattr(model.description, "equations"):

@@ -378,5 +378,5 @@ def test_at_rest_round_off_of_velocities_violates_no_constraint():
     ],
 )
 def test_driven_loops_do_not_support_it(verb, why):
-    with pytest.raises(CapabilityError, match=f"does not support {verb}: {why}"):
+    with pytest.raises(CapabilityError, match=f"does not support {verb.replace('_', ' ')}: {why}"):
         getattr(symgen.build("slider_crank"), verb)

@@ -261,8 +261,8 @@ class RodModel(LinkageModel):
             if at and d.freedom:
                 raise ModelError(
                     f"{self.name}: expected a state or an equilibrium for at, got the time {at:g} s: drives "
-                    "alone do not determine the motion\n  Give t_end for derivatives along the run, or "
-                    "model.linearise for a state-space model at this time."
+                    "alone do not determine the motion\n  Give t_end (--t-end) for derivatives along the run,"
+                    " or use linearise for a state-space model at this time."
                 )
             at = self.reached(at)
         if along:
