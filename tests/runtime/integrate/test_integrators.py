@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,6 +16,7 @@ from symgen.runtime.integrate.integrators import INTEGRATORS
 
 FIXED = [name for name, m in INTEGRATORS.items() if not m.adaptive]
 ADAPTIVE = [name for name, m in INTEGRATORS.items() if m.adaptive]
+PAGE = Path(__file__).parents[3] / "docs" / "integrators.md"
 EXPLICIT = [name for name, m in INTEGRATORS.items() if m.kind == "explicit"]
 
 
@@ -133,3 +136,16 @@ def test_rk4_energy_drift_falls_with_the_fourth_power_at_least():
 def test_options_out_of_range_are_refused(model, options, message):
     with pytest.raises(ModelError, match=message):
         model.simulate(**{"t_end": 1.0, **options})
+
+
+@pytest.mark.parametrize("name", ADAPTIVE)
+def test_adaptive_methods_take_fixed_steps_where_the_documentation_says_so(model, name):
+    """The order of a series and the iterations of implicit stages follow the tolerance."""
+    (listed,) = re.findall(
+        r"Adaptive methods take `rtol` and `atol`; (.*?) also take fixed\s", PAGE.read_text()
+    )
+    if f"`{name}`" in listed:
+        assert model.simulate(0.01, method=name, step=1e-3).statistics["steps"] == 10
+    else:
+        with pytest.raises(ModelError, match=f"{name} chooses its own step"):
+            model.simulate(0.01, method=name, step=1e-3)
