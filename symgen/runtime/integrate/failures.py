@@ -74,7 +74,7 @@ def _problem(
         return _of_the_step(status, chosen, at, where)
     slow = status == _core.STEP_TOO_SMALL or (status == _core.MORE and stepper.steps < chosen.max_steps)
     if failed or (slow and lost_rank):
-        return _of_a_dead_centre(description, f"{at}{lost_rank}", where)
+        return _of_a_dead_centre(description, description.unknown(equations.weakest), at, where)
     return _of_the_loads(status, stepper, evaluator, chosen, lost_rank, at, where)
 
 
@@ -133,10 +133,7 @@ def _of_constraints(
     name = description.unknown(equations.weakest)
     if equations.weakest < description.coordinates:
         return f"the mass matrix lost its positive definiteness {at}: {name} carries no mass"
-    return (
-        f"the constraints lost rank {at}: {name} is no longer independent of the others (a dead centre "
-        f"of the linkage, or a redundant link)\n  {_remedy(description)} {where}"
-    )
+    return _of_a_dead_centre(description, name, at, where)
 
 
 def _of_the_step(status: int, chosen: Options, at: str, where: str) -> str:
@@ -152,13 +149,14 @@ def _of_the_step(status: int, chosen: Options, at: str, where: str) -> str:
     )
 
 
-def _of_a_dead_centre(description: Description, at: str, where: str) -> str:
-    """Return the message for constraints that nearly lose rank, with drives and without."""
+def _of_a_dead_centre(description: Description, name: str, at: str, where: str) -> str:
+    """Return the message for constraints that lose rank, or nearly, one by name, with and without drives."""
     cause = "which it cannot be taken through"
     if description.drives:
         cause = "beyond which its drives cannot take it"
     return (
-        f"the run cannot continue {at}: the linkage comes to a dead centre, {cause}\n"
+        f"the run cannot continue {at}: the linkage comes to a dead centre, {cause}; there {name} is not "
+        "independent of the other constraints\n"
         f"  {_remedy(description)} {where}"
     )
 

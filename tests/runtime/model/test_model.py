@@ -205,13 +205,27 @@ def test_a_drive_past_the_limit_ends_the_run_with_cause_and_partial_result():
     )
     for options in ({}, {"step": 1e-4}):
         with pytest.raises(
-            SimulationError, match=r"(dead centre|(lost|lose) rank)(.|\n)*symgen kinematics"
+            SimulationError, match=r"comes to a dead centre(.|\n)*symgen kinematics"
         ) as caught:
             symgen.build(scene).simulate(1.0, **options)
         assert caught.value.time == pytest.approx(limit - 0.3, abs=1e-3)
         partial = caught.value.partial
         assert partial.time[-1] <= caught.value.time
         assert np.all(np.isfinite(partial["A.position"].values))
+
+
+@pytest.mark.parametrize("length", [0.105, 0.12, 0.153])
+def test_dead_centres_have_one_wording_whether_a_pivot_vanishes_or_a_step(length):
+    """Coupler and rocker, 20 and 30 cm, are in line at cos(a) = (l^2 + 0.4^2 - 0.5^2)/(2*0.4*l)."""
+    sizes = {"links.crank.length": f"{length} m", "links.coupler.length": "20 cm"}
+    with pytest.raises(SimulationError) as caught:
+        symgen.build("crank_rocker", set=sizes).simulate(1.0)
+    angle = np.arccos((length**2 + 0.4**2 - 0.5**2) / (0.8 * length))
+    assert caught.value.time == pytest.approx(angle / (2 * np.pi), abs=1e-6)
+    words = (
+        "the linkage comes to a dead centre, beyond which its drives cannot take it; there the drive of link"
+    )
+    assert words in str(caught.value)
 
 
 def test_steps_too_large_are_an_error_not_a_wrong_answer():
