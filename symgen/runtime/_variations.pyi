@@ -21,6 +21,10 @@ class Variations:
     def backward(
         self, t: Array, y: Array, references: Array, seed: Array, weights: Array, gradient: Array
     ) -> tuple[int, int]: ...
+    def parts(
+        self, t: Array, y: Array, references: Array, rtol: float, atol: float, parts: Array
+    ) -> tuple[int, int]: ...
+    def fill(self, t: Array, y: Array, references: Array, known: NDArray[np.int8]) -> None: ...
 
 class LinkageVariations(Variations):
     def __init__(

@@ -43,6 +43,8 @@ cdef extern from "core/variations.h" nogil:
         void (*bind)(variations *, const variation_behaviour *, equations *, const scheme_t *, const variation_sizes *, const variation_kernels *, void *) noexcept nogil
         int (*forward)(variations *, long, const double *, const void *, const double *, long *) noexcept nogil
         int (*backward)(variations *, long, const double *, const void *, const double *, long *) noexcept nogil
+        int (*count_parts)(variations *, long, const double *, const void *, const double *, double, double, double *, long *) noexcept nogil
+        void (*fill)(variations *, long, const double *, void *, const double *, const char *) noexcept nogil
 
 
 cdef class Variations:
@@ -57,6 +59,7 @@ cdef class Variations:
     cdef variations *core
     cdef Memory memory
     cdef bint is_explicit
+    cdef double nothing
 
     cdef int take(self, Integrable equations, method, description, library, Py_ssize_t parameters, Py_ssize_t columns) except -1:
         """Store equations, method and kernels."""
@@ -124,19 +127,49 @@ cdef class Variations:
         seed[:], gradient[:] = seeds, gradients
         return found
 
-    cdef object along(self, bint back, const double[::1] t, const double[:, ::1] y, const double[:, ::1] references):
+    def parts(self, const double[::1] t, const double[:, ::1] y, const double[:, ::1] references, double rtol,
+              double atol, double[::1] parts):
+        """Write for each of these steps of another method the number of equal parts in which an explicit method, with one
+        direction, has the tolerance: a real number. Return the status and the number of steps."""
+        cdef const double *held = self.held(t, y, references)
         cdef long taken = 0, steps = t.shape[0] - 1
-        cdef int status
-        cdef double nothing = 0.0
-        cdef const double *held = &nothing
+        cdef int status = 0
+        at_least("numbers of parts", parts.shape[0], max(steps, 1))
+        if not self.is_explicit or self.sizes.columns != 1:
+            raise ValueError("expected an explicit method and one direction")
+        with nogil:
+            status = self.api.count_parts(self.core, steps, &t[0], &y[0, 0], held, rtol, atol, &parts[0], &taken)
+        raise_failure()
+        return status, taken
+
+    def fill(self, const double[::1] t, double[:, ::1] y, const double[:, ::1] references, const char[::1] known):
+        """Write the states after explicit steps from the states before them where they are not known."""
+        cdef const double *held = self.held(t, y, references)
+        at_least("marks of known states", known.shape[0], t.shape[0])
+        if not self.is_explicit:
+            raise ValueError("expected an explicit method")
+        with nogil:
+            self.api.fill(self.core, t.shape[0] - 1, &t[0], &y[0, 0], held, &known[0])
+        raise_failure()
+
+    cdef const double *held(self, const double[::1] t, const double[:, ::1] y, const double[:, ::1] references) except NULL:
+        """Return the references of steps after checks of the sizes of all arrays."""
+        cdef Py_ssize_t steps = t.shape[0] - 1
+        at_least("times", t.shape[0], 1)
         at_least("states", y.shape[0], steps + 1)
         at_least("numbers in a state", y.shape[1], 2 * self.equations.n)
         if y.shape[1] != 2 * self.equations.n:
             raise ValueError(f"expected states of {2 * self.equations.n} numbers, got {y.shape[1]}")
-        if held_parameters(&self.equations.core.sizes):
-            at_least("rows of references", references.shape[0], steps)
-            at_least("references", references.shape[1], held_parameters(&self.equations.core.sizes))
-            held = &references[0, 0]
+        if not held_parameters(&self.equations.core.sizes):
+            return &self.nothing
+        at_least("rows of references", references.shape[0], max(steps, 1))
+        at_least("references", references.shape[1], held_parameters(&self.equations.core.sizes))
+        return &references[0, 0]
+
+    cdef object along(self, bint back, const double[::1] t, const double[:, ::1] y, const double[:, ::1] references):
+        cdef long taken = 0, steps = t.shape[0] - 1
+        cdef int status
+        cdef const double *held = self.held(t, y, references)
         with nogil:
             if back:
                 status = self.api.backward(self.core, steps, &t[0], &y[0, 0], held, &taken)

@@ -116,7 +116,7 @@ def stored(name):
     return json.loads(RUNS.read_text())[name]
 
 
-def of_linkage(name):
+def of_linkage(name, method="dop853"):
     """Error of the positions at the end of a run over the largest derivative of the direction.
 
     A derivative that vanishes is compared with a metre over a unit of the parameter.
@@ -125,7 +125,7 @@ def of_linkage(name):
     outputs = [f"{p}.position.{a}" for p in case.model.description.free for a in case.model.description.axes]
     rtol = ROUNDED.get(name, 3e-14)
     options = {"coordinates": case.coordinates, "t_end": reference["t_end"], "rtol": rtol, "atol": rtol / 300}
-    found = case.model.sensitivity(outputs, [*reference["by"]], **options).derivatives[0]
+    found = case.model.sensitivity(outputs, [*reference["by"]], method=method, **options).derivatives[0]
     expected = np.array([*reference["by"].values()], dtype=float).T
     size = np.max(np.abs(expected), axis=0)
     return float(np.max(np.abs(found - expected) / np.where(size > 0, size, 1.0)))

@@ -50,7 +50,7 @@ static int fill_stage(struct run *run, const struct tableau *x, long s, real h) 
     return status == SINGULAR ? SINGULAR : DONE;
 }
 
-/* Root mean square of the local error over the tolerance; two rows are blended as in DOP853. */
+/* Root mean square of the local error over the tolerance. */
 static real estimate(struct run *run, const struct tableau *x, real t_new, real h) {
     struct equations *e = run->e;
     real atol = R(run->task.atol), rtol = R(run->task.rtol), totals[MOST_ESTIMATES] = {0}, rounding[3];
@@ -72,10 +72,7 @@ static real estimate(struct run *run, const struct tableau *x, real t_new, real 
         for (long r = 0; r < x->rows; r++)
             totals[r] += (errors[r][i] * scale) * (errors[r][i] * scale);
     }
-    if (x->rows == 1)
-        return real_sqrt(totals[0] / R(judged));
-    real total = totals[0] + R(0.01) * totals[1];
-    return total > 0 ? totals[0] / real_sqrt(total * R(judged)) : total;
+    return blended(x->rows, totals, judged);
 }
 
 static int step(struct run *run, real t, real h, real t_new) {

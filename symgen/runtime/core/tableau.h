@@ -49,4 +49,12 @@ static inline void dense_weights(const struct tableau *x, real h, real theta, re
     }
 }
 
+/* Root mean square of an error by the sums of squares of one or two estimates, which are blended as in DOP853. */
+static inline real blended(long rows, const real *totals, long count) {
+    if (rows == 1)
+        return real_sqrt(totals[0] / R(count));
+    const real total = totals[0] + R(0.01) * totals[1];
+    return total > 0 ? totals[0] / real_sqrt(total * R(count)) : total;
+}
+
 #endif

@@ -57,12 +57,17 @@ static void begin_step(struct variations *v, const double *references) {
     v->of->begin(v);
 }
 
-/* out = base + h times the sum of the rows of stages before s by their coefficients, many of which are zero. */
+/* out += h times the sum of the rows of stages by their weights, many of which are zero. */
+static void add_weighted(const real *weights, long count, real h, const real *rows, ptrdiff_t dim, real *out) {
+    for (long j = 0; j < count; j++)
+        if (weights[j] != 0)
+            add_multiple(dim, h * weights[j], rows + j * dim, out);
+}
+
+/* out = base + the same of the stages before s. */
 static void add_stages(const struct tableau *x, long s, real h, const real *base, const real *rows, long dim, real *out) {
     memcpy(out, base, (size_t)dim * sizeof(real));
-    for (long j = 0; j < s; j++)
-        if (x->a[s * x->all + j] != 0)
-            add_multiple(dim, h * x->a[s * x->all + j], rows + j * dim, out);
+    add_weighted(x->a + s * x->all, s, h, rows, dim, out);
 }
 
 void variations_evaluate(struct variations *v, long s, real t, const real *state) {
@@ -73,24 +78,28 @@ void variations_evaluate(struct variations *v, long s, real t, const real *state
     memcpy(rate + e->n, e->out, (size_t)e->n * sizeof(real));
 }
 
+/* Write the state of stage s of a step, and evaluate it there. */
+static void evaluate_stage(struct variations *v, const struct tableau *x, long s, real t, real h, const real *y,
+                           real *state) {
+    add_stages(x, s, h, y, v->rates, 2 * v->e->n, state);
+    variations_evaluate(v, s, t + x->c[s] * h, state);
+}
+
 static void explicit_step(struct variations *v, real t, real h, const real *y) {
     const struct tableau x = tableau_of(&v->scheme);
     const ptrdiff_t n = v->e->n, k = v->sizes.columns, row = 2 * n * k;
     for (long s = 0; s < x.stages; s++) {
         const real t_s = t + x.c[s] * h;
         real *turned = v->turned + s * row;
-        add_stages(&x, s, h, y, v->rates, 2 * n, v->state);
+        evaluate_stage(v, &x, s, t, h, y, v->state);
         add_stages(&x, s, h, v->moved, v->turned, row, v->by_stage);
-        variations_evaluate(v, s, t_s, v->state);
         v->of->stage(v, t_s, v->state);
         memcpy(turned, v->by_stage + n * k, (size_t)(n * k) * sizeof(real));
         memcpy(turned + n * k, v->solved, (size_t)(n * k) * sizeof(real));
         if (v->sizes.integrals && x.b[s] != 0)
             v->of->integrate(v, t_s, v->state, h * x.b[s]);
     }
-    for (long s = 0; s < x.stages; s++)
-        if (x.b[s] != 0)
-            add_multiple(row, h * x.b[s], v->turned + s * row, v->moved);
+    add_weighted(x.b, x.stages, h, v->turned, row, v->moved);
 }
 
 static int forward_step(struct variations *v, int begins, real t, real h, const real *y, const real *y_new) {
@@ -117,8 +126,7 @@ static int backward_step(struct variations *v, real t, real h, const real *y, co
         return status;
     for (long s = 0; s < x.stages; s++) {
         real *state = v->states + s * states;
-        add_stages(&x, s, h, y, v->rates, states, state);
-        variations_evaluate(v, s, t + x.c[s] * h, state);
+        evaluate_stage(v, &x, s, t, h, y, state);
         v->of->keep(v, s, t + x.c[s] * h, state);
     }
     for (long s = x.stages - 1; s >= 0; s--) {
@@ -162,6 +170,81 @@ static int backward(struct variations *v, long steps, const double *t, const voi
     return status;
 }
 
+/* Write the state at the end of a step whose stages have been evaluated. */
+static void write_end(const struct variations *v, real h, const real *y, real *end) {
+    const struct tableau x = tableau_of(&v->scheme);
+    const ptrdiff_t states = 2 * v->e->n;
+    memcpy(end, y, (size_t)states * sizeof(real));
+    add_weighted(x.b, x.stages, h, v->rates, states, end);
+}
+
+/* The error of one explicit step over the tolerance: of its end, and of a tangent by the estimates of the method. The
+   tangent begins with changes of all coordinates and rates that the constraints allow, so that no motion about the run
+   is left out. */
+static int measure_error(struct variations *v, real t, real h, const real *y, const real *y_new, real rtol, real atol,
+                         real *norm) {
+    const struct tableau x = tableau_of(&v->scheme);
+    const ptrdiff_t n = v->e->n, states = 2 * n;
+    real totals[MOST_ESTIMATES] = {0}, *end = v->state, *error = v->back;
+    for (ptrdiff_t i = 0; i < states; i++) {
+        const real uneven = R(0.618) * R(i), size = R(0.5) + uneven - R((long)uneven);
+        v->moved[i] = (i % 2 ? -size : size) / (i < n ? R(1) : h);
+    }
+    const int status = v->e->m ? v->of->close(v, t, y) : DONE;
+    if (status != DONE)
+        return status;
+    explicit_step(v, t, h, y);
+    write_end(v, h, y, end);
+    *norm = 0;
+    for (ptrdiff_t i = 0; i < states; i++) {
+        const real tolerance = atol + rtol * real_fmax(real_fabs(y[i]), real_fabs(y_new[i]));
+        *norm = real_fmax(*norm, real_fabs(end[i] - y_new[i]) / tolerance);
+    }
+    for (long r = 0; r < x.rows; r++) {
+        memset(error, 0, (size_t)states * sizeof(real));
+        add_weighted(x.e + r * (x.stages + 1), x.stages, h, v->turned, states, error);
+        for (ptrdiff_t i = 0; i < states; i++) {
+            const real part = error[i] * (i < n ? R(1) : h) / rtol;
+            totals[r] += part * part;
+        }
+    }
+    const real of_tangent = blended(x.rows, totals, states);
+    *norm = real_fmax(*norm, of_tangent);
+    return real_isfinite(of_tangent) ? DONE : NOT_FINITE;
+}
+
+static int count_parts(struct variations *v, long steps, const double *t, const void *y, const double *references,
+                       double rtol, double atol, double *parts, long *taken) {
+    const real *row = y, power = R(1) / R(v->scheme.error_order + 1), least = real_fmax(R(rtol), REAL_EPSILON);
+    int status = DONE;
+    for (*taken = 0; *taken < steps && status == DONE; ++*taken, row += 2 * v->e->n) {
+        const real now = R(t[*taken]), h = R(t[*taken + 1]) - now;
+        real norm = 0;
+        begin_step(v, references + *taken * held_parameters(&v->e->sizes));
+        if (h > 0)
+            status = measure_error(v, now, h, row, row + 2 * v->e->n, least, R(atol), &norm);
+        parts[*taken] = (double)real_pow(norm, power);
+    }
+    return status;
+}
+
+static void fill(struct variations *v, long steps, const double *t, void *y, const double *references,
+                 const char *known) {
+    const struct tableau x = tableau_of(&v->scheme);
+    const ptrdiff_t states = 2 * v->e->n;
+    real *row = y;
+    for (long i = 0; i < steps; i++, row += states) {
+        const real h = R(t[i + 1]) - R(t[i]);
+        if (known[i + 1])
+            continue;
+        begin_step(v, references + i * held_parameters(&v->e->sizes));
+        for (long s = 0; s < x.stages; s++)
+            evaluate_stage(v, &x, s, R(t[i]), h, row, v->state);
+        write_end(v, h, row, row + states);
+    }
+}
+
 const struct variation_api symgen_variations = {
     sizeof(struct variations), &rod_variations, &loop_variations, bytes_of, bind, forward, backward,
+    count_parts, fill,
 };

@@ -7,7 +7,7 @@ Compiled code evaluates the stages of each step again with the slopes of the equ
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -17,7 +17,9 @@ from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _core
 from symgen.runtime._variations import LinkageVariations, Variations
 from symgen.runtime.arrays import Array
+from symgen.runtime.integrate.integrators import dop853
 from symgen.runtime.integrate.integrators.method import Integrator
+from symgen.runtime.integrate.options import Options
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.linearisation.sensitivity import Jump
 
@@ -80,20 +82,18 @@ class LinkageSteps:
     Raises
     ------
     ModelError
-        For a repeated integrand; for integrands with an implicit method; for power series.
+        For a repeated integrand; for integrands with an implicit method.
     """
 
     def __init__(self, evaluator: Evaluator, kernels: Evaluator, redundant: int, method: Integrator) -> None:
-        if method.kind == "taylor":
-            raise ModelError(f"{method.name} has no derivatives along runs\n  Choose dop853.")
-        self._kernels, self._method = kernels, method
+        self._kernels, self._method = kernels, dop853.METHOD if method.kind == "taylor" else method
         self._equations = evaluator.equations(redundant, work_of_loads=False)
         blocks = kernels.info("integrands").blocks if kernels.has("integrands") else ()
         names = [b.about for b in blocks]
         if repeated := next((name for name in names if names.count(name) > 1), None):
             raise ModelError(f"the integral of {repeated} is given twice\n  Name each integrand once.")
         self.integrands: Mapping[str, str] = {b.about: b.unit for b in blocks}
-        self.states = 0 if method.kind == "explicit" else 2 * evaluator.description.coordinates
+        self.states = 0 if self._method.kind == "explicit" else 2 * evaluator.description.coordinates
         if self.states and names:
             raise ModelError(f"expected an explicit method for integrals, got {method.name}")
 
@@ -101,6 +101,35 @@ class LinkageSteps:
         """Return the tangents of steps by parameters, and by other names on which the start alone depends."""
         entries = _places(self._kernels, [*self.integrands], by)
         return LinkageVariations(self._equations, self._method, self._kernels, entries, len(by) + self.states)
+
+    def resolved(self, path: StoredTrajectory, chosen: Options) -> StoredTrajectory:
+        """Return a path whose steps the tangents resolve: those of power series are divided into equal parts.
+
+        Raises
+        ------
+        SimulationError
+            For more parts than the steps that the run may take.
+        """
+        if self._method is chosen.method:
+            return path
+        one, wanted = self.along([""]), np.zeros(len(path.t))
+        _check(*one.parts(path.t, path.y, path.references, chosen.rtol, chosen.atol, wanted), path.t)
+        parts = np.maximum(np.ceil(wanted[:-1]), 1)
+        if np.sum(parts) > chosen.max_steps:
+            at = float(path.t[np.argmax(parts)])
+            raise SimulationError(
+                f"derivatives of the run take {np.sum(parts):.3g} steps, more than max_steps = "
+                f"{chosen.max_steps}: the motion near the run is fastest at t = {at:.9g} s",
+                time=at,
+            )
+        parts = parts.astype(int)
+        known = np.concatenate([[0], np.cumsum(parts)])
+        y = np.zeros((known[-1] + 1, path.y.shape[1]))
+        y[known] = path.y
+        t = np.interp(np.arange(len(y)), known, path.t)
+        references = np.repeat(path.references, [*parts, 1], axis=0)
+        one.fill(t, y, references, np.isin(np.arange(len(y)), known).astype(np.int8))
+        return replace(path, t=t, y=y, references=references, ends=tuple(known[[*path.ends]].tolist()))
 
 
 def _places(kernels: Evaluator, integrands: Sequence[str], by: Sequence[str]) -> list[NDArray[np.int_]]:
@@ -122,7 +151,7 @@ def _slices(path: StoredTrajectory, first: int, last: int) -> tuple[Array, Array
     return path.t[first : last + 1], path.y[first : last + 1], path.references[first : last + 1]
 
 
-def _check(status: int, t: Array, count: int) -> None:
+def _check(status: int, count: int, t: Array) -> None:
     if status != _core.DONE:
         at = float(t[min(count, len(t) - 1)])
         cause = (
@@ -149,8 +178,7 @@ def carried_forward(
 
     def go(begin: int, end: int) -> None:
         part = _slices(path, begin, end)
-        status, count = along.forward(*part, moved, summed)
-        _check(status, part[0], count)
+        _check(*along.forward(*part, moved, summed), part[0])
 
     for end in path.ends if count or integrals else ():
         for jump in jumps:
@@ -185,8 +213,7 @@ def carried_back(
             (seed, weights, gradient), last = seeds, end
             for jump in (*reversed(passed), None):
                 part = _slices(path, jump.step if jump else 0, last)
-                status, count = along.backward(*part, seed, weights, gradient)
-                _check(status, part[0][::-1], count)
+                _check(*along.backward(*part, seed, weights, gradient), part[0][::-1])
                 if jump:
                     weight, last = seed @ jump.change, jump.step
                     seed[:] += weight * jump.by_state

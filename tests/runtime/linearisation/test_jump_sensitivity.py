@@ -98,7 +98,7 @@ def test_derivatives_pass_jumps_of_loads(name, method):
             assert one.derivatives[0, 0] == pytest.approx([*exact.values()], rel=1e-11, abs=1e-11)
 
 
-@pytest.mark.parametrize("method", ["dop853", "radau5"])
+@pytest.mark.parametrize("method", ["dop853", "taylor", "radau5"])
 def test_an_event_that_ends_the_run_moves_with_the_parameters(method):
     """A force that grows with the time on a spring; the run ends at the place a."""
 
@@ -125,7 +125,7 @@ def test_an_event_that_ends_the_run_moves_with_the_parameters(method):
     before = slopes(lambda *args: [*motion(*args[:5], mp.mpf(0.05))], given)
     assert found.derivatives[0, :2] == pytest.approx(before, abs=1e-11)
     assert not np.any(found.derivatives[0, 3]) and found.t.tolist() == [0.05, found.values[1, 3]]
-    if method == "dop853":
+    if method != "radau5":
         back = model.sensitivity(["A.velocity.x"], [*by, "c"] + by[:1], t_end=1.0, **options)
         assert back.derivatives[0, 0, :6] == pytest.approx(expected[1], rel=1e-11)
         asked = {key: x for key, x in options.items() if key != "coordinates"}

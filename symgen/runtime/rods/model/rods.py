@@ -348,7 +348,7 @@ class RodModel(LinkageModel):
 
         kernels = self.analysis("variation", outputs=tuple(request.integrals))
         steps = LinkageSteps(self.evaluator, kernels, len(self.redundant), chosen.method)
-        return at_run(path, tangents, steps, outputs, by, request.coordinates)
+        return at_run(steps.resolved(path, chosen), tangents, steps, outputs, by, request.coordinates)
 
     @takes(LinkageForces)
     def _inverse_dynamics(self, request: LinkageForces) -> Forces:
