@@ -128,8 +128,10 @@ def test_equilibrium_modes_and_linearisation(pendulum):
     assert np.allclose(pendulum.linearise(at=state).A, np.transpose(slopes), atol=1e-7)
 
 
-def test_derivatives_of_a_run(pendulum):
-    found = pendulum.sensitivity(["height", "omega1"], ["g", "c"], t_end=1.0, rtol=1e-11, atol=1e-12)
+@pytest.mark.parametrize("method", ["dop853", "taylor"])
+def test_derivatives_of_a_run(pendulum, method):
+    how = {"t_end": 1.0, "rtol": 1e-11, "atol": 1e-12, "method": method}
+    found = pendulum.sensitivity(["height", "omega1"], ["g", "c"], **how)
     h, expected = 1e-5, np.zeros((2, 2))
     for column, name in enumerate(("g", "c")):
         ends = []

@@ -117,7 +117,7 @@ def followed(
     if chosen.method.kind == "rattle":
         raise ModelError(
             f"derivatives of runs are not available for {chosen.method.name}\n"
-            "  Choose dop853, dopri5, rk4, radau5, newmark or generalized-alpha."
+            "  Choose dop853, taylor, dopri5, rk4, radau5, newmark or generalized-alpha."
         )
     recorded_at(times, start.t, chosen.t_end)
     t: list[Array] = [np.array([start.t])]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from shared.exact_slopes import IN_SPACE, SCENES, of_space
+from shared.exact_slopes import IN_SPACE, SCENES, of_linkage, of_space
 from shared.full import full_unless
 
 from symgen.scene.loading import SHIPPED
@@ -16,6 +16,15 @@ QUICK = {"four_bar", "crank_rocker", "cssp", "rssr", "elastic_four_bar", "spatia
 def test_derivatives_of_shipped_scenes_are_exact(scene):
     _, digits, error = SCENES[scene]
     assert digits >= 40 and error() <= 1e-9
+
+
+#: Linkages with moving ground, springs and dampers, a drive, a body in space, and lengths of a micrometre.
+SERIES = ["andrews_squeezer", "car_axis", "crank_rocker", "length_ratios", "tumbling_body", "whip"]
+
+
+@pytest.mark.parametrize("scene", SERIES)
+def test_derivatives_along_power_series_are_exact(scene):
+    assert of_linkage(scene, "taylor") <= 1e-9
 
 
 @pytest.mark.parametrize("scene", full_unless(lambda scene: scene == "spatial_slider_crank", IN_SPACE))
