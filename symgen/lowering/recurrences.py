@@ -371,7 +371,8 @@ class _Writer:
     def complete(self) -> list[Assignment]:
         """Return all statements: first the rows of sums of coordinates, of a and of lambda."""
         ahead, back = [], []
-        for atom, rows in self.rows.items():
+        for atom in self.terms.in_turn(self.rows):
+            rows = self.rows[atom]
             if self.terms.is_early(atom):
                 of_first = self._in_row(atom, stored=isinstance(atom, Argument))
                 ahead += [

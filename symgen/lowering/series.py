@@ -5,7 +5,7 @@ Source of the recurrences: A. Jorba, M. Zou, Experimental Mathematics 14 (2005) 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from symgen.errors import DerivationError
@@ -291,6 +291,22 @@ class Terms:
             below = max(map(self.level, self.operands(atom)), default=0)
             self._levels[atom] = below + isinstance(atom, Times | Function)
         return self._levels[atom]
+
+    def in_turn(self, atoms: Collection[Atom]) -> list[Atom]:
+        """Return atoms, each behind those that it is computed from."""
+        wanted, seen, found = set(atoms), set[Atom](), list[Atom]()
+
+        def visit(atom: Atom) -> None:
+            if atom not in seen:
+                seen.add(atom)
+                for operand in self.operands(atom):
+                    visit(operand)
+                if atom in wanted:
+                    found.append(atom)
+
+        for atom in atoms:
+            visit(atom)
+        return found
 
     def needed(self, sums: Iterable[Linear]) -> list[Atom]:
         """Return the products and functions that sums need, in the order of their levels."""

@@ -1,0 +1,68 @@
+"""Power series on random linkages: they agree with a Runge-Kutta method within the tolerances."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from shared.full import full_unless
+from shared.invariant_scenes import driven, moving
+
+import symgen
+from symgen.errors import SceneError, SimulationError
+
+RTOL, END = 1e-10, 1.0
+
+
+def drawn(seed):
+    """Return a random linkage in the plane or in space, under all loads, or driven; its start is possible."""
+    rng = np.random.default_rng([38, seed])
+    while True:
+        tables = driven(rng) if seed % 5 == 4 else moving(rng, 2 if seed % 5 < 2 else 3)
+        del tables["analysis"]
+        try:
+            return symgen.build(symgen.Scene(**tables))
+        except SceneError as error:
+            assert "[start." in str(error)
+
+
+def ended(model, method, rtol, **more):
+    """Return coordinates and rates at the end, or the time of the dead centre that ends the run."""
+    try:
+        run = model.simulate(END, samples=2, method=method, rtol=rtol, atol=rtol / 100, **more)
+    except SimulationError as error:
+        return error.time
+    return np.concatenate([np.ravel([x["position"], x["velocity"]]) for x in run.final.values()])
+
+
+@pytest.mark.parametrize("seed", full_unless(lambda seed: seed < 12, range(500)))
+def test_random_scenes_agree(seed):
+    """Errors by a run at a tighter tolerance: ten times that of the other method is within the tolerance."""
+    model = drawn(seed)
+    exact = ended(model, "dop853", RTOL / 1000)
+    series, other = ended(model, "taylor", RTOL, max_steps=5000), ended(model, "dop853", RTOL)
+    if np.ndim(exact) == 0:
+        assert series == pytest.approx(exact, rel=1e-3)
+        return
+    size = max(1.0, np.max(np.abs(exact)))
+    gap = np.max(np.abs(series - exact)) / size
+    assert gap < 1e-9 + 10 * np.max(np.abs(other - exact)) / size
+
+
+def test_third_point_of_a_body_joins_a_rod():
+    """Lengths of rods between sums of coordinates are kept by the series: no projection shortens the steps."""
+    points = {"A": (-2.1, 1.8), "B": (-0.2, 1.4), "C": (-1.0, 0.9), "D": (-0.6, 0.0)}
+    body = {
+        "points": ["A", "B", "C"],
+        "mass": "1.7 kg",
+        "centre": ["-2.4 m", "1.6 m"],
+        "inertia": "0.45 kg*m^2",
+    }
+    model = symgen.build(
+        symgen.Scene(
+            points={p: {"at": [f"{x} m" for x in at]} for p, at in points.items()},
+            links={"body": body, "CD": {"points": ["D", "C"], "mass": "1.6 kg"}},
+            forces=[{"point": "A", "force": ["5 N", "0 N"]}],
+        )
+    )
+    run = model.simulate(1.0, samples=2, method="taylor", rtol=1e-11)
+    assert run.statistics["steps"] < 10
