@@ -129,8 +129,8 @@ cdef class Variations:
 
     def parts(self, const double[::1] t, const double[:, ::1] y, const double[:, ::1] references, double rtol,
               double atol, double[::1] parts):
-        """Write for each of these steps of another method the number of equal parts in which an explicit method, with one
-        direction, has the tolerance: a real number. Return the status and the number of steps."""
+        """Write for steps whose entry is not zero the number of equal parts, a real number, in which the explicit method,
+        with one direction, has the tolerance. Return the status and the number of steps."""
         cdef const double *held = self.held(t, y, references)
         cdef long taken = 0, steps = t.shape[0] - 1
         cdef int status = 0

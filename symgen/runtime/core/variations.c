@@ -200,9 +200,19 @@ static int measure_error(struct variations *v, real t, real h, const real *y, co
         const real tolerance = atol + rtol * real_fmax(real_fabs(y[i]), real_fabs(y_new[i]));
         *norm = real_fmax(*norm, real_fabs(end[i] - y_new[i]) / tolerance);
     }
+    if (x.same_as_last) {
+        memcpy(v->by_stage, v->moved, (size_t)states * sizeof(real));
+        variations_evaluate(v, 0, t + h, end);
+        v->of->stage(v, t + h, end);
+    }
     for (long r = 0; r < x.rows; r++) {
+        const real *weights = x.e + r * (x.stages + 1);
         memset(error, 0, (size_t)states * sizeof(real));
-        add_weighted(x.e + r * (x.stages + 1), x.stages, h, v->turned, states, error);
+        add_weighted(weights, x.stages, h, v->turned, states, error);
+        if (x.same_as_last) {
+            add_multiple(n, h * weights[x.stages], v->moved + n, error);
+            add_multiple(n, h * weights[x.stages], v->solved, error + n);
+        }
         for (ptrdiff_t i = 0; i < states; i++) {
             const real part = error[i] * (i < n ? R(1) : h) / rtol;
             totals[r] += part * part;
@@ -220,9 +230,10 @@ static int count_parts(struct variations *v, long steps, const double *t, const 
     for (*taken = 0; *taken < steps && status == DONE; ++*taken, row += 2 * v->e->n) {
         const real now = R(t[*taken]), h = R(t[*taken + 1]) - now;
         real norm = 0;
-        begin_step(v, references + *taken * held_parameters(&v->e->sizes));
-        if (h > 0)
+        if (h > 0 && parts[*taken] != 0) {
+            begin_step(v, references + *taken * held_parameters(&v->e->sizes));
             status = measure_error(v, now, h, row, row + 2 * v->e->n, least, R(atol), &norm);
+        }
         parts[*taken] = (double)real_pow(norm, power);
     }
     return status;

@@ -130,7 +130,7 @@ struct variation_api {
     /* Carry v->seed back along the steps, the last first, and add to v->gradient. */
     int (*backward)(struct variations *v, long steps, const double *t, const void *y, const double *references,
                     long *taken);
-    /* Of steps of another method, with one direction: write the number of equal parts, a real number, in which an
+    /* With one direction: write for steps whose entry is not zero the number of equal parts, a real number, in which the
        explicit method has the tolerance. Then, with parts as steps, write the states that are not known. */
     int (*count_parts)(struct variations *v, long steps, const double *t, const void *y, const double *references,
                        double rtol, double atol, double *parts, long *taken);

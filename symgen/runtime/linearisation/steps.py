@@ -25,6 +25,8 @@ from symgen.runtime.linearisation.sensitivity import Jump
 
 #: Directions at which the transposed steps of one output cost as much as the tangents of all.
 _DIRECTIONS = 6
+#: Number of explicit steps of which the longest is examined, and parts from which on they are divided.
+_EXAMINED, _COARSE = 16, 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,35 +104,6 @@ class LinkageSteps:
         entries = _places(self._kernels, [*self.integrands], by)
         return LinkageVariations(self._equations, self._method, self._kernels, entries, len(by) + self.states)
 
-    def resolved(self, path: StoredTrajectory, chosen: Options) -> StoredTrajectory:
-        """Return a path whose steps the tangents resolve: those of power series are divided into equal parts.
-
-        Raises
-        ------
-        SimulationError
-            For more parts than the steps that the run may take.
-        """
-        if self._method is chosen.method:
-            return path
-        one, wanted = self.along([""]), np.zeros(len(path.t))
-        _check(*one.parts(path.t, path.y, path.references, chosen.rtol, chosen.atol, wanted), path.t)
-        parts = np.maximum(np.ceil(wanted[:-1]), 1)
-        if np.sum(parts) > chosen.max_steps:
-            at = float(path.t[np.argmax(parts)])
-            raise SimulationError(
-                f"derivatives of the run take {np.sum(parts):.3g} steps, more than max_steps = "
-                f"{chosen.max_steps}: the motion near the run is fastest at t = {at:.9g} s",
-                time=at,
-            )
-        parts = parts.astype(int)
-        known = np.concatenate([[0], np.cumsum(parts)])
-        y = np.zeros((known[-1] + 1, path.y.shape[1]))
-        y[known] = path.y
-        t = np.interp(np.arange(len(y)), known, path.t)
-        references = np.repeat(path.references, [*parts, 1], axis=0)
-        one.fill(t, y, references, np.isin(np.arange(len(y)), known).astype(np.int8))
-        return replace(path, t=t, y=y, references=references, ends=tuple(known[[*path.ends]].tolist()))
-
 
 def _places(kernels: Evaluator, integrands: Sequence[str], by: Sequence[str]) -> list[NDArray[np.int_]]:
     """Return row, column and place of the slopes of residual, Phi, dPhi/dt and integrands."""
@@ -160,6 +133,49 @@ def _check(status: int, count: int, t: Array) -> None:
             else "a number that is not finite appeared"
         )
         raise SimulationError(f"no derivatives of the run from t = {at:.9g} s on: {cause}", time=at)
+
+
+def resolved(path: StoredTrajectory, steps: StepTangents, chosen: Options) -> StoredTrajectory:
+    """Return a path whose steps the explicit tangents resolve: longer ones are divided into equal parts.
+
+    Steps of power series are long. Steps of explicit methods follow the motion, and are too long for motions
+    about it where it is at rest or uniform.
+
+    Raises
+    ------
+    SimulationError
+        For more parts than the steps that the run may take.
+    """
+    lengths = np.diff(path.t)
+    if steps.states or not chosen.rtol or not len(lengths):
+        return path
+    series = chosen.method.kind == "taylor"
+    every = 1 if series else _EXAMINED
+    rows = np.pad(lengths, (0, -len(lengths) % every)).reshape(-1, every)
+    examined = np.argmax(rows, axis=1) + every * np.arange(len(rows))
+    found = np.zeros(len(path.t))
+    found[examined] = 1.0
+    one = steps.along([""])
+    _check(*one.parts(path.t, path.y, path.references, chosen.rtol, chosen.atol, found), path.t)
+    rates = np.divide(found[examined], lengths[examined], where=found[examined] > 0, out=0 * found[examined])
+    parts = np.repeat(rates, every)[: len(lengths)] * lengths
+    parts = np.ceil(np.where(parts < (1 if series else _COARSE), 1, parts))
+    if np.sum(parts) > chosen.max_steps:
+        at = float(path.t[np.argmax(parts)])
+        raise SimulationError(
+            f"derivatives of the run take {np.sum(parts):.3g} steps, more than max_steps = "
+            f"{chosen.max_steps}: the motion near the run is fastest at t = {at:.9g} s",
+            time=at,
+        )
+    if not np.any(parts > 1):
+        return path
+    known = np.concatenate([[0], np.cumsum(parts.astype(int))])
+    y = np.zeros((known[-1] + 1, path.y.shape[1]))
+    y[known] = path.y
+    t = np.interp(np.arange(len(y)), known, path.t)
+    references = np.repeat(path.references, [*np.diff(known), 1], axis=0)
+    one.fill(t, y, references, np.isin(np.arange(len(y)), known).astype(np.int8))
+    return replace(path, t=t, y=y, references=references, ends=tuple(known[[*path.ends]].tolist()))
 
 
 def fewer(outputs: int, directions: int) -> bool:

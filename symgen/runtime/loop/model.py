@@ -223,6 +223,7 @@ class LoopModel(Model):
         """Return derivatives along a run under forces; without an end those at the state."""
         from symgen.runtime.linearisation.runs import at_run
         from symgen.runtime.linearisation.sensitivity import at_pose
+        from symgen.runtime.linearisation.steps import resolved
         from symgen.runtime.loop.derivatives.runs import LoopSteps, follow
 
         rank = self.closed_start().rank
@@ -239,6 +240,7 @@ class LoopModel(Model):
         path = follow(self.kernels, rank, start, chosen, times)
         kernels = self._kernels_of("loop_variation", (), lanes=True)
         steps = LoopSteps(self.kernels, kernels, rank, chosen.method)
+        path = resolved(path, steps, chosen)
         return at_run(path, lambda state, _: tangents(state), steps, outputs, by, free)
 
     @property

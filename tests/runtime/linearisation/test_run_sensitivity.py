@@ -216,6 +216,24 @@ def test_a_pendulum_has_the_derivatives_of_its_elliptic_function(method):
     assert abs(m) < 1e-9
 
 
+@pytest.mark.parametrize("method", ["dop853", "dopri5", "taylor"])
+def test_motions_about_rest_are_resolved(method):
+    """Of a rod that hangs at rest, with steps as long as the run: w^2 = 3 g/(2 l)."""
+    scene = symgen.Scene(
+        points={"O": ground(0, 0), "P": at(0, -0.6)},
+        links={"rod": {"points": ["O", "P"], "mass": "1 kg"}},
+        gravity=GRAVITY,
+    )
+    model, t, w = symgen.build(scene), 3.0, np.sqrt(1.5 * G / 0.6)
+    how = {"coordinates": ["rod.angle"], "t_end": t, "rtol": 1e-12, "method": method}
+    found = model.sensitivity(["rod.angle", "P.velocity.x"], ["rod.angle", "rod.angle'"], **how)
+    turned = np.array([np.cos(w * t), np.sin(w * t) / w])
+    rate = 0.6 * np.array([-w * np.sin(w * t), np.cos(w * t)])
+    assert found.derivatives[0] == pytest.approx(np.array([turned, rate]), abs=1e-9)
+    with pytest.raises(SimulationError, match="max_steps"):
+        model.sensitivity(["rod.angle"], **how, max_steps=20)
+
+
 @pytest.mark.parametrize("method", ["dop853", "taylor"])
 def test_angles_in_loads_go_on_over_revolutions(method):
     """A torsion spring that is wound up by more than a revolution: a harmonic motion of the angle."""

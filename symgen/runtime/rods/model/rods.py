@@ -336,7 +336,7 @@ class RodModel(LinkageModel):
     ) -> Sensitivity:
         """Return derivatives along a run; ``names`` are the outputs of the kernels ``sensitivity``."""
         from symgen.runtime.linearisation.runs import at_run, follow
-        from symgen.runtime.linearisation.steps import LinkageSteps
+        from symgen.runtime.linearisation.steps import LinkageSteps, resolved
 
         times, chosen = request.run()
         tangent = self.analysis("tangent") if chosen.method.needs_tangent else None
@@ -348,7 +348,7 @@ class RodModel(LinkageModel):
 
         kernels = self.analysis("variation", outputs=tuple(request.integrals))
         steps = LinkageSteps(self.evaluator, kernels, len(self.redundant), chosen.method)
-        return at_run(steps.resolved(path, chosen), tangents, steps, outputs, by, request.coordinates)
+        return at_run(resolved(path, steps, chosen), tangents, steps, outputs, by, request.coordinates)
 
     @takes(LinkageForces)
     def _inverse_dynamics(self, request: LinkageForces) -> Forces:
