@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from symgen.display import seconds
 from symgen.errors import ModelError, SimulationError
 from symgen.inspection.view import View, view_of
+from symgen.report.extremes import texts
 from symgen.report.page.figures import FigureView, error_figure, run_figure
 from symgen.report.page.page import Fact, Measured, TableView
 from symgen.runtime.result.result import Result
@@ -47,6 +49,9 @@ def measure(model: Any, text: SceneText | None, *, progress: Callable[[str], Non
     elif text is not None:
         progress("measuring speed against error")
         table, figure, caption = _speed(view, text)
+        if figure and getattr(model.description, "freedom", 1) == 0 and not model.description.elastic:
+            figure = None  # points at rounding, no curves
+            caption += " Drives prescribe the motion, so that every step has errors of rounding only."
     return Measured(
         result,
         headline=tuple(f for f in facts if f.name in _TELLING),
@@ -65,11 +70,12 @@ def _final(result: Result) -> TableView | None:
     if not result.final:
         return None
     shown = [(of, *result.units.get(unit, (unit, 1.0))) for of, unit in _OF_POINTS]
-    rows = tuple(
-        (point, *(f"{x / size:.6g}" for of, _, size in shown for x in np.atleast_1d(motion[of])))
-        for point, motion in result.final.items()
-        if all(of in motion for of, _ in _OF_POINTS)
-    )
+    points = {p: motion for p, motion in result.final.items() if all(of in motion for of, _ in _OF_POINTS)}
+    cells = [
+        texts(unit, np.array([np.atleast_1d(motion[of]) for motion in points.values()]) / size)
+        for of, unit, size in shown
+    ]
+    rows = tuple((point, *chain(*parts)) for point, *parts in zip(points, *cells, strict=True))
     head = tuple(f"{of} {a} [{unit}]" for of, unit, _ in shown for a in result.axes)
     return TableView(("point at the end", *head), rows) if rows else None
 
@@ -124,7 +130,6 @@ def speed_caption(measurement: WorkPrecision) -> str:
     )
     return (
         f"To t = {measurement.t_end:g} s; error is the {measurement.measured} against "
-        f"{measurement.reference}, which "
-        f"differs by {measurement.uncertainty:.1e} from a looser one. Times are for whole calls from Python "
-        f"on the machine that wrote this page.{marked}"
+        f"{measurement.reference}, which differs by {measurement.uncertainty:.1e} {measurement.unit} from a "
+        f"looser one. Times are for whole calls from Python on the machine that wrote this page.{marked}"
     )

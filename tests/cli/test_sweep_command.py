@@ -241,6 +241,10 @@ def test_plots_of_one_parameter_of_samples_and_of_failures():
     assert ring.get_xdata().tolist() == [1.0] and ring.get_ydata().tolist() == [5.0]
     cells = plot(runs([1.0, 1.0, 2.0, 2.0], [3.0, 4.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0])).axes[0]
     assert cells.collections[0].get_array().tolist() == [[5.0, 7.0], [6.0, 8.0]]
+    at = cells.collections[0].get_coordinates()
+    assert at[0, :, 0].tolist() == [0.5, 1.5, 2.5] and at[:, 0, 1].tolist() == [2.5, 3.5, 4.5]
+    coarse = plot(runs([5.0, 5.0, 20.0, 20.0], [-8.0, -1.0, -8.0, -1.0], [5.0, 6.0, 7.0, 8.0])).axes[0]
+    assert coarse.get_xlim() == (0.0, 27.5) and coarse.get_ylim() == (-11.5, 0.0)  # masses have one sign
     points = plot(runs([1.0, 1.5, 2.0], [3.0, 3.5, 4.0], [5.0, 6.0, 7.0])).axes[0]
     assert points.collections[0].get_offsets().tolist() == [[1.0, 3.0], [1.5, 3.5], [2.0, 4.0]]
     with pytest.raises(symgen.SymgenError, match="no output 'G.peak'"):

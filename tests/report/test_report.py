@@ -18,11 +18,13 @@ from symgen.cli import app
 from symgen.errors import SceneError, SymgenError
 from symgen.inspection.measured import speed_caption, speed_figure, speed_table
 from symgen.inspection.page import scene_page
+from symgen.pipeline.systems import derive
 from symgen.report.page.page import render
-from symgen.scene.loading import read_scene, shipped_scene, shipped_scenes
+from symgen.scene.loading import override, read_scene, shipped_scene, shipped_scenes
 from symgen.study.speed.work_precision import WorkPrecision, WorkPrecisionPoint
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
+README = Path(__file__).parents[2] / "README.md"
 #: One of rods, one of them in space, one loop, one with links that bend.
 SCENES = ("four_bar", "vertical_rods", "slider_crank", "elastic_slider_crank")
 
@@ -162,6 +164,21 @@ def test_words_of_a_scene_are_escaped(gathered):
     text = render(odd)
     assert "<script>alert" not in text and "&lt;script&gt;alert(1)&lt;/script&gt; &amp; co" in text
     assert "a &lt; b" in text
+
+
+def test_a_page_of_a_driven_linkage_has_no_curves_of_rounding(tmp_path):
+    """Drives prescribe its motion; B slides on a rail without mass, at y = 0."""
+    file, (code,) = tmp_path / "slider.toml", re.findall("```toml\n(.*?)```", README.read_text(), re.DOTALL)
+    file.write_text(code.replace("0.2 s", "0.13 s"))
+    page = scene_page(read_scene(file), speed=True, progress=lambda _: None)
+    assert page.measured.speed_figure is None and "errors of rounding" in page.measured.speed_caption
+    assert re.search(r"differs by \S+ m from", page.measured.speed_caption)
+    (end,) = [row for row in page.measured.final.rows if row[0] == "B"]
+    assert end[2] == end[4] == "0" and float(end[1]) > 0.15
+    (rail,) = page.left_out
+    assert rail == "link rail: both ends are ground, so it does not move"
+    heavy = override(read_scene(file), {"links.rail.mass": "1 kg"})
+    assert derive(heavy).left_out == (f"{rail}; its weight goes into the reactions",)
 
 
 def test_report_writes_a_page_or_one_error(tmp_path):

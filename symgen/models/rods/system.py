@@ -82,7 +82,8 @@ def linkage_system(linkage: Linkage) -> System:
         sources=linkage_sources(model.sliding),
         left_out=(
             *(
-                f"link {name}: both ends are ground, so it does not move; its weight goes into the reactions"
+                f"link {name}: both ends are ground, so it does not move"
+                + "; its weight goes into the reactions" * (linkage.link(name).mass != 0)
                 for name in model.idle
             ),
             *((f"motion across the plane {linkage.plane}",) if linkage.plane else ()),

@@ -244,6 +244,15 @@ def _around_one(values: Any) -> dict[str, Any]:
     return {"cmap": "RdBu_r", "norm": LogNorm(np.exp(-far), np.exp(far))}
 
 
+def _edges(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the edges of cells around increasing places, midway; the outer ones do not cross zero."""
+    between = (places[1:] + places[:-1]) / 2
+    first, last = 2 * places[0] - between[0], 2 * places[-1] - between[-1]
+    first = max(first, 0.0) if places[0] >= 0.0 else first
+    last = min(last, 0.0) if places[-1] <= 0.0 else last
+    return np.array([first, *between, last])
+
+
 def _map(panel: Any, x: Any, y: Any, values: Any, alone: bool, colours: Mapping[str, Any]) -> Any:
     """Draw values over two parameters: cells of a grid, else points; with colours around one, its contour."""
     (columns, i), (rows, k) = (np.unique(along, return_inverse=True) for along in (x, y))
@@ -252,7 +261,7 @@ def _map(panel: Any, x: Any, y: Any, values: Any, alone: bool, colours: Mapping[
         return panel.scatter(x, y, c=values, s=12, **colours)
     cells = np.full((rows.size, columns.size), np.nan)
     cells[k, i] = values
-    drawn = panel.pcolormesh(columns, rows, cells, shading="nearest", **colours)
+    drawn = panel.pcolormesh(_edges(columns), _edges(rows), cells, **colours)
     if colours and np.any(cells < 1.0) and np.any(cells > 1.0):
         panel.contour(columns, rows, cells, levels=[1.0], colors="black")
     return drawn

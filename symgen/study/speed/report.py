@@ -24,7 +24,8 @@ def print_work_precision(measurement: WorkPrecision, console: Console) -> None:
     console.print(table("Order of convergence, at fixed steps", columns, map(_of_order, measurement.orders)))
     console.print(f"Error: {measurement.measured}. Times are those of the whole call, result included, warm.")
     console.print(
-        f"Reference: {measurement.reference}; it differs by {measurement.uncertainty:.1e} from a looser one."
+        f"Reference: {measurement.reference}; it differs by {measurement.uncertainty:.1e} {measurement.unit} "
+        "from a looser one."
     )
     print_notes(measurement.notes, console)
 

@@ -146,7 +146,7 @@ def work_precision(
         uncertainty=reference.uncertainty,
         points=points,
         orders=orders,
-        notes=(*measured.failures.values(), *_of_reference(points, reference)),
+        notes=(*measured.failures.values(), *_of_reference(points, reference, subject_of_scene.unit)),
     )
 
 
@@ -235,12 +235,12 @@ def _timed(
     return times
 
 
-def _of_reference(points: Sequence[WorkPrecisionPoint], reference: ReferenceSolution) -> list[str]:
+def _of_reference(points: Sequence[WorkPrecisionPoint], reference: ReferenceSolution, unit: str) -> list[str]:
     """Return a note if errors are within the uncertainty of the reference."""
     lost = sum(not p.resolved for p in points)
     if not lost:
         return []
     return [
         f"{lost} of {len(points)} errors, marked ~, are within the uncertainty of the reference, "
-        f"{reference.uncertainty:.1e}; in chaos a shorter --t-end makes both smaller"
+        f"{reference.uncertainty:.1e} {unit}; in chaos a shorter --t-end makes both smaller"
     ]
