@@ -37,7 +37,8 @@ def bench(
 ) -> None:
     """Measure error, time and order of every integrator.
 
-    Errors are measured against a reference solution with tight tolerances.
+    Errors are measured against a reference solution with tight tolerances. All methods and settings take half
+    a minute or longer; --methods, --longest and --repeats shorten this.
     """
     from symgen.study.speed.report import draw, print_work_precision
     from symgen.study.speed.work_precision import work_precision

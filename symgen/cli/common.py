@@ -97,13 +97,20 @@ def _is_whole(text: str) -> bool:
 
 @contextmanager
 def saved_on_failure(out: Path | None) -> Iterator[None]:
-    """Save the samples recorded before a failure to the output file, if one is given."""
+    """Save the samples recorded before a run ended to the output file, if one is given.
+
+    Print how a run that is interrupted continues from its checkpoint.
+    """
     try:
         yield
     except SimulationError as error:
         if out and error.partial is not None:
             error.partial.save(out)
-            tell(f"the samples recorded before the failure are in {out}")
+            tell(f"the samples recorded until then are in {out}")
+        raise
+    except KeyboardInterrupt as error:
+        if error.args:
+            tell(str(error))
         raise
 
 

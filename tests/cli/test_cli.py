@@ -71,12 +71,13 @@ def test_errors_are_one_message_and_an_exit_code(entry):
     assert done.stderr.startswith("symgen: ") and "Traceback" not in done.stderr
 
 
-def test_ctrl_c_ends_a_run_with_130(tmp_path):
+def test_ctrl_c_ends_a_run_with_130_and_names_the_option_that_resumes(tmp_path):
     """Once its first checkpoint is written, so that the signal meets the step loop."""
     file = tmp_path / "kept"
     options = ["--step", "1e-5", "--t-end", "1e4", "--checkpoint", str(file), "--checkpoint-every", "0.01"]
     command = [sys.executable, "-m", "symgen", "simulate", "parallelogram", *options]
-    assert ended_by(signal.SIGINT, command, file) == (130, "symgen: interrupted\n")
+    words = f"symgen: the run is in {file}: --resume {file} continues it\nsymgen: interrupted\n"
+    assert ended_by(signal.SIGINT, command, file) == (130, words)
 
 
 def test_set_changes_tunable_and_folded_values():

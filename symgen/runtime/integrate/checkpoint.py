@@ -146,6 +146,11 @@ class Checkpoints:
         if self.due(last):
             self.write(run.t, self.content(run))
 
+    def leave(self, run: _core.Run) -> str:
+        """Write a checkpoint of a run that is interrupted; return how it continues, '' without a file."""
+        self.look(run, last=True)
+        return f"the run is in {self._file}: --resume {self._file} continues it" if self._file else ""
+
     def content(self, run: _core.Run) -> dict[str, Any]:
         """Return the arrays of a checkpoint of such a run."""
         return memory_of(run)

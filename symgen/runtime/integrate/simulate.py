@@ -146,10 +146,28 @@ def drive(
 
     ``pace`` is that of runs one after the other. The status is MORE if ``max_steps`` were too few, or are too
     few at the pace of the last steps, and OUT_OF_TIME if ``max_wall`` is spent. A resumed run continues from
-    its checkpoint.
+    its checkpoint; an interrupt, such as Ctrl-C, leaves one.
     """
     pace = pace or Pace(stepper.t, chosen.t_end)
     spent = checkpoints.spent if checkpoints else 0.0
+    try:
+        status = _driven(stepper, t0, chosen, progress, checkpoints, pace)
+    except KeyboardInterrupt:
+        if checkpoints and (remedy := checkpoints.leave(stepper)):
+            raise KeyboardInterrupt(remedy) from None
+        raise
+    return status, spent + pace.wall
+
+
+def _driven(
+    stepper: _core.Run,
+    t0: float,
+    chosen: Options,
+    progress: Progress | None,
+    checkpoints: Checkpoints | None,
+    pace: Pace,
+) -> int:
+    """Return the last status of a run by :func:`drive`."""
     status = _core.MORE if stepper.steps or stepper.recorded else stepper.begin()
     judged = stepper.steps, stepper.t
     while status == _core.MORE:
@@ -168,7 +186,7 @@ def drive(
             progress((stepper.t - t0) / (chosen.t_end - t0))
         if over:
             status = OUT_OF_TIME
-    return status, spent + pace.wall
+    return status
 
 
 def _short(stepper: _core.Run) -> str:

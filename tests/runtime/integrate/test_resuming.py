@@ -69,6 +69,25 @@ def test_on_the_command_line(tmp_path, entry):
     assert err.count("symgen: ") == 1
 
 
+@pytest.mark.parametrize("scene", ["four_bar", "elastic_slider_crank"])
+def test_an_interrupted_run_leaves_its_state(scene, tmp_path):
+    """Also before the first checkpoint is due; the resumed run has the bits of a whole one."""
+    model, file, parts = symgen.build(scene), tmp_path / "kept", []
+    options = {"step": 1e-4} if scene == "four_bar" else {"steps": 2000}
+
+    def interrupt(part):
+        parts.append(part)
+        if part > 0.3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt, match="--resume .*kept continues it"):
+        model.simulate(**options, checkpoint=file, checkpoint_every=1e9, progress=interrupt)
+    found = model.simulate(**options, resume=file, progress=parts.append)
+    whole = model.simulate(**options)
+    assert parts[-1] == 1.0 and found.statistics["steps"] == whole.statistics["steps"]
+    assert [v.values.tobytes() for v in found.variables] == [v.values.tobytes() for v in whole.variables]
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
