@@ -17,6 +17,7 @@ from shared.commands import call
 import symgen
 from symgen.cli import inspection, request
 from symgen.report import sweeps
+from symgen.report.elastic import print_elastic_result
 from symgen.report.extremes import Components
 from symgen.report.page.study import print_study
 from symgen.report.synthesis import synthesis_study
@@ -80,6 +81,24 @@ def test_tables_fit_80_columns(line, monkeypatch):
         monkeypatch.setattr(module, "console", lambda: terminals)
     call(*line.split())
     terminals.check()
+
+
+def test_notes_on_energies_beyond_linear_theory_and_on_a_slow_method():
+    """Deflections of thesis_four_bar are far beyond linear theory, which elastic_four_bar keeps to."""
+    for scene, options, found in (
+        ("thesis_four_bar", {"method": "newmark", "rtol": 0.02}, True),
+        ("elastic_four_bar", {"rtol": 0.02}, False),
+    ):
+        model = symgen.build(scene, set={"analysis.outputs": ["kinetic_energy"]})
+        result = model.simulate(**options)
+        assert (np.min(result["kinetic_energy"].values) < 0.0) == found
+        console = Console(width=WIDE, file=io.StringIO())
+        print_elastic_result(result, model, console)
+        text = console.file.getvalue()
+        assert ("kinetic_energy falls to" in text) == found
+        slow = re.search(r"newmark took (\d+) steps .* gauss, of order 12, takes far fewer", text)
+        assert bool(slow) == found
+        assert not slow or int(slow[1]) == result.statistics["steps"] > 25_600
 
 
 def test_four_bars_fit_80_columns():

@@ -123,7 +123,7 @@ class Energies:
     def variables(self) -> Iterator[Variable]:
         """Yield the outputs."""
         for name, unit, about, values in (
-            ("kinetic_energy", "J", "kinetic energy of the linkage", self.kinetic),
+            ("kinetic_energy", "J", "kinetic energy of the linkage to second order", self.kinetic),
             ("strain_energy", "J", "strain energy of the elastic links", self.strain),
             ("potential_energy", "J", "potential of gravity and springs", self.potential),
             ("dissipated_power", "W", "power dissipated by elastic links and modes", self.dissipated),

@@ -43,7 +43,7 @@ from symgen.runtime.elastic.steps import (
     step_counts,
     stepped,
 )  # fmt: skip
-from symgen.runtime.elastic.tolerance import adapted, with_error
+from symgen.runtime.elastic.tolerance import adapted, of_steps, with_error
 from symgen.runtime.integrate.checkpoint import CheckpointOptions
 from symgen.runtime.integrate.pace import (
     OutOfTime,
@@ -321,7 +321,7 @@ class _Recorded:
             *([] if self.spent else _of_speed(motion)),
             *_of_motor(motion, task),
             *_of_stability(self.states),
-            *_of_steps(task, self.states),
+            *of_steps(task, self.states),
             *d.remarks,
             *of_crank(motion, whole),
             *of_reductions(motion),
@@ -361,20 +361,6 @@ def _of_motor(motion: ElasticMotion, task: Task) -> list[str]:
     if not motion.has_motor or task.method != "periodic":
         return []
     return [f"mean speed of the crank with its motor in the steady state: {60.0 / motion.period:.6g} rpm"]
-
-
-def _of_steps(task: Task, states: Solution) -> list[str]:
-    """Report steps that were added to those requested: every recorded time ends one."""
-    if (
-        task.steps is None
-        or states.counts is None
-        or np.sum(states.counts) <= math.ceil(task.steps * max(task.revolutions, 1.0))
-    ):
-        return []
-    return [
-        f"{task.steps} steps per revolution were requested, {int(np.sum(states.counts))} were taken: every "
-        "recorded time ends a step; request fewer samples for longer steps"
-    ]
 
 
 def _of_stability(states: Solution) -> list[str]:

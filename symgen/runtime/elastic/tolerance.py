@@ -48,6 +48,8 @@ _LEAST = 0.6
 _GROWN = 2.0
 #: The order of methods whose errors fall too slowly to confirm their order.
 _SLOW = 2
+#: Steps of such a method, over those that it begins with, of which a note tells.
+_MANY = 100
 #: Tolerances of the run that gives the error of an adaptive one, over its own: the second where the first is
 #: too tight for round-off.
 _OTHER = (0.01, 10.0)
@@ -251,3 +253,24 @@ def with_error(
     if wall_left() is not None:
         errors()
     return replace(solution, errors=errors)
+
+
+def of_steps(task: Task, states: Solution) -> list[str]:
+    """Report very many steps of a slow method, and steps added to those requested: recorded times end one."""
+    taken = 0 if states.counts is None else int(np.sum(states.counts))
+    if task.steps is None:
+        many = taken > _MANY * _FIRST_STEPS * max(task.revolutions, 1.0)
+        slow = task.method in BEAM_METHODS and BEAM_METHODS[task.method].order <= _SLOW
+        if not (many and slow):
+            return []
+        return [
+            f"{task.method} took {taken} steps to come within {task.rtol:g} of the peak stress, since its "
+            "error falls with the square of the step; gauss, of order "
+            f"{BEAM_METHODS['gauss'].order}, takes far fewer"
+        ]
+    if taken <= math.ceil(task.steps * max(task.revolutions, 1.0)):
+        return []
+    return [
+        f"{task.steps} steps per revolution were requested, {taken} were taken: every "
+        "recorded time ends a step; request fewer samples for longer steps"
+    ]
