@@ -223,12 +223,47 @@ def _exudyn_tree(exu: Any, system: Any, n: int) -> Any:
     )
 
 
+def heyoka_sweeps(n: int) -> list[Iterator[Attempt]]:
+    """Return sweeps of heyoka's power series, of equations in angles and in symgen's coordinates."""
+    import heyoka_peer
+
+    _needed("heyoka", "taylor_adaptive")
+
+    def sweep(form: Any, ends: Callable[[Array], Array]) -> Iterator[Attempt]:
+        for rtol in TOLERANCES[::2]:
+            call = partial(form.sampled, form.integrator(rtol), TIMES)
+            yield Attempt("heyoka", form.name, f"tol {rtol:.0e}", call, lambda y: ends(joints(form, y, n)[0]))
+
+    return [sweep(form, lambda places: places[:, -1]) for form in heyoka_peer.chains(n)]
+
+
+def joints(form: Any, y: Array, n: int) -> tuple[Array, Array]:
+    """Return positions [m] and velocities [m/s] of joints (times, rods, 2), for states of heyoka."""
+    if form.in_angles:
+        along = np.stack([np.cos(y[:, :n]), np.sin(y[:, :n])], axis=-1)
+        turned = np.stack([-along[..., 1], along[..., 0]], axis=-1) * y[:, n:, None]
+        return np.cumsum(along, axis=1), np.cumsum(turned, axis=1)
+    places, rates = np.split(y.reshape(len(y), 2 * n, 2), 2, axis=1)
+    return places, rates
+
+
+def drift(places: Array, rates: Array) -> tuple[float, float]:
+    """Return the largest change of a chain's energy [J] and of a rod's length [m] over the samples."""
+    ends, speeds = (np.pad(x, ((0, 0), (1, 0), (0, 0))) for x in (places, rates))
+    a, b, va, vb = ends[:, :-1], ends[:, 1:], speeds[:, :-1], speeds[:, 1:]
+    kinetic = np.sum(va * va + va * vb + vb * vb, axis=(1, 2)) / 6
+    energy = kinetic + G * np.sum(a[..., 1] + b[..., 1], axis=1) / 2
+    lengths = np.linalg.norm(b - a, axis=-1)
+    return float(np.max(np.abs(energy - energy[0]))), float(np.max(np.abs(lengths - 1.0)))
+
+
 #: All peers: pip packages, and sweeps for a chain of n rods.
 PEERS: dict[str, tuple[str, Callable[[int], list[Iterator[Attempt]]]]] = {
     "MuJoCo": ("mujoco", mujoco_sweeps),
     "Pinocchio + SciPy": ("pin", scipy_sweeps),
     "Pinocchio + CVODE": ("pin scikit-sundae", cvode_sweeps),
     "Exudyn": ("exudyn", exudyn_sweeps),
+    "heyoka": ("heyoka", heyoka_sweeps),
 }
 
 

@@ -17,7 +17,8 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -54,18 +55,28 @@ def solve(n: int, tolerance: float, samples: int = SAMPLES, columns: int = COLUM
     rates = rates_of(n)
     bend = mpmath.mpf(BEND)
     y = [bend * ((i + 1) // 2) for i in range(n)] + [mpmath.mpf(0)] * n
-    found = [_tip(y[:n])]
-    between = mpmath.mpf(T_END) / (SAMPLES - 1)
-    step = between / 4
-    for _ in range(samples - 1):
-        left = between
+    times = [mpmath.mpf(T_END) * k / (SAMPLES - 1) for k in range(samples)]
+    return [_tip(state[:n]) for state in integrated(rates, y, times, tolerance, columns)]
+
+
+def integrated(
+    rates: Callable[[list[Real]], list[Real]],
+    y: list[Real],
+    times: Sequence[Real],
+    tolerance: float,
+    columns: int = COLUMNS,
+) -> list[list[Real]]:
+    """Return the states at these times, the first of which is that of ``y``, for this local error."""
+    found, step = [y], (times[1] - times[0]) / 4
+    for start, end in pairwise(times):
+        left = end - start
         while left > 0:
             h = min(step, left)
             new, error = _extrapolated(rates, y, h, columns)
             step = h * min(2, max(0.2, 0.8 * (tolerance / max(error, 1e-40)) ** (1 / (2 * columns - 1))))
             if error <= tolerance:
                 y, left = new, left - h
-        found.append(_tip(y[:n]))
+        found.append(y)
     return found
 
 
@@ -73,30 +84,37 @@ def _tip(angles: list[Real]) -> list[Real]:
     return [mpmath.fsum(map(mpmath.cos, angles)), mpmath.fsum(map(mpmath.sin, angles))]
 
 
-def rates_of(n: int) -> Callable[[list[Real]], list[Real]]:
-    """Return the rates of angles and angular velocities of n rods as a function of these."""
-    half, third, g = mpmath.mpf(1) / 2, mpmath.mpf(1) / 3, mpmath.mpf(GRAVITY)
+def rates_of(
+    n: int, of: Any = mpmath, number: Callable[[str], Real] = mpmath.mpf
+) -> Callable[[list[Real]], list[Real]]:
+    """Return the rates of angles and angular velocities of n rods as a function of these.
+
+    ``of`` has the functions sin, cos and sqrt of a type of numbers, ``number`` reads one.
+    """
+    half, third, g = number("1") / 2, number("1") / 3, number(GRAVITY)
     mass = [[n - 1 - max(i, j) + (third if i == j else half) for j in range(n)] for i in range(n)]
 
     def rates(y: list[Real]) -> list[Real]:
-        c, s = [mpmath.cos(a) for a in y[:n]], [mpmath.sin(a) for a in y[:n]]
-        matrix = [[mass[i][j] * (c[i] * c[j] + s[i] * s[j]) for j in range(i + 1)] for i in range(n)]
+        c, s = [of.cos(a) for a in y[:n]], [of.sin(a) for a in y[:n]]
+        matrix = [
+            [*(mass[i][j] * (c[i] * c[j] + s[i] * s[j]) for j in range(i)), mass[i][i]] for i in range(n)
+        ]
         squares = [w * w for w in y[n:]]
         right = [
             -sum(mass[i][j] * (s[i] * c[j] - c[i] * s[j]) * squares[j] for j in range(n) if j != i)
             - g * (n - 1 - i + half) * c[i]
             for i in range(n)
         ]
-        return y[n:] + _cholesky(matrix, right)
+        return y[n:] + cholesky(matrix, right, of.sqrt)
 
     return rates
 
 
-def _cholesky(a: list[list[Real]], b: list[Real]) -> list[Real]:
+def cholesky(a: list[list[Real]], b: list[Real], sqrt: Callable[[Real], Real]) -> list[Real]:
     """Solve a x = b in place for a symmetric positive definite a, given by its lower triangle."""
     n = len(b)
     for j in range(n):
-        a[j][j] = mpmath.sqrt(a[j][j] - sum(x * x for x in a[j][:j]))
+        a[j][j] = sqrt(a[j][j] - sum(x * x for x in a[j][:j]))
         for i in range(j + 1, n):
             a[i][j] = (a[i][j] - sum(a[i][k] * a[j][k] for k in range(j))) / a[j][j]
         b[j] = (b[j] - sum(a[j][k] * b[k] for k in range(j))) / a[j][j]

@@ -50,19 +50,15 @@ def test_random_scenes_agree(seed):
 
 def test_third_point_of_a_body_joins_a_rod():
     """Lengths of rods between sums of coordinates are kept by the series: no projection shortens the steps."""
-    points = {"A": (-2.1, 1.8), "B": (-0.2, 1.4), "C": (-1.0, 0.9), "D": (-0.6, 0.0)}
-    body = {
-        "points": ["A", "B", "C"],
-        "mass": "1.7 kg",
-        "centre": ["-2.4 m", "1.6 m"],
-        "inertia": "0.45 kg*m^2",
-    }
+    points = {"C": (-1.04, 0.922), "D": (-0.642, 0.016), "E": (-0.171, 1.378), "F": (-2.112, 1.775)}
+    centre, inertia = ["-2.356 m", "1.551 m"], "0.453 kg*m^2"
+    body = {"points": ["F", "E", "C"], "mass": "1.7 kg", "centre": centre, "inertia": inertia}
     model = symgen.build(
         symgen.Scene(
             points={p: {"at": [f"{x} m" for x in at]} for p, at in points.items()},
-            links={"body": body, "CD": {"points": ["D", "C"], "mass": "1.6 kg"}},
-            forces=[{"point": "A", "force": ["5 N", "0 N"]}],
+            links={"DC": {"points": ["D", "C"], "mass": "1.6 kg"}, "body": body},
+            forces=[{"point": "F", "force": ["5 N", "0 N"]}],
         )
     )
-    run = model.simulate(1.0, samples=2, method="taylor", rtol=1e-11)
-    assert run.statistics["steps"] < 10
+    run = model.simulate(1.0, samples=2, method="taylor", rtol=1e-11, max_steps=100)
+    assert run.statistics["steps"] < 20
