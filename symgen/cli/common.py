@@ -106,7 +106,7 @@ def saved_on_failure(out: Path | None) -> Iterator[None]:
     except SimulationError as error:
         if out and error.partial is not None:
             error.partial.save(out)
-            tell(f"the samples recorded until then are in {out}")
+            tell(f"the samples that are kept are in {out}")
         raise
     except KeyboardInterrupt as error:
         if error.args:

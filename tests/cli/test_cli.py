@@ -80,6 +80,17 @@ def test_ctrl_c_ends_a_run_with_130_and_names_the_option_that_resumes(tmp_path):
     assert ended_by(signal.SIGINT, command, file) == (130, words)
 
 
+def test_a_complete_run_is_kept_where_its_error_takes_too_long(entry, tmp_path):
+    """Newmark's method needs 800,000 steps for the tolerance; the first run has 720, at every half degree."""
+    file = tmp_path / "kept.npz"
+    code, _, err = entry(
+        "simulate", "thesis_four_bar", "--method", "newmark", "--max-wall", "1", "--out", file
+    )
+    assert code == 4 and f"the samples that are kept are in {file}" in err and "failure" not in err
+    assert "steps is kept; the run with more steps" in err
+    assert len(symgen.load_result(file).over[0]) == 361
+
+
 def test_set_changes_tunable_and_folded_values():
     plain = json.loads(call("run", "peaucellier", "--json"))
     heavy = json.loads(call("run", "peaucellier", "--json", "--set", 'rho="2 kg/m"'))
