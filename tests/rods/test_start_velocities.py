@@ -46,6 +46,30 @@ def test_rods_on_a_moving_ground_point_start_with_the_least_energy(count, dimens
     assert across(1) == pytest.approx([-0.5], abs=1e-15)
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_rates_at_the_start_are_those_on_the_moving_ground(dimension):
+    """The velocity of the ground adds to those of the rods' ends, which turn at 0.5 rad/s and -0.2 rad/s."""
+    rates = {"rod0": 0.5, "rod1": -0.2}
+    start = {"rates": {k: f"{w} rad/s" if dimension == 2 else [0, 0, f"{w} rad/s"] for k, w in rates.items()}}
+    model = symgen.build(symgen.Scene(**chain(2, dimension, {"mass": "1 kg"}), start=start))
+    velocities = model.initial_state().velocities
+    found = np.array([velocities["P1"], velocities["P2"]])
+    np.testing.assert_allclose(found[:, 1], [1.5, 1.3], atol=1e-14)
+    assert np.max(np.abs(np.delete(found, 1, axis=1))) < 1e-14
+    speeds = np.array([-1.0, 0.0, 2.0])
+    runs = model.simulate_many(parameters={"v": speeds}, t_end=0.01, samples=2)
+    np.testing.assert_allclose(runs["P1.velocity"][:, 0, 1], speeds + 0.5, atol=1e-13)
+
+
+def test_velocities_at_the_start_of_points_on_links_on_the_moving_ground():
+    """Of the middle of a rod, one end of which moves at the velocity of the ground, 1 m/s."""
+    data = chain(1, 2, {"mass": "1 kg"})
+    data["points"]["M"] = {"on": "rod0", "fraction": 0.5}
+    start = {"velocities": {"M": ["0 m/s", "2 m/s"]}}
+    velocities = symgen.build(symgen.Scene(**data, start=start)).initial_state().velocities
+    np.testing.assert_allclose(velocities["P1"], [0, 3], atol=1e-14)
+
+
 @pytest.mark.parametrize("count", [4, full(LARGE // 2 + 1)])
 def test_starts_of_long_chains_on_a_moving_ground_point_have_the_least_energy(count):
     """By sparse matrices, which a start takes above a number of coordinates."""

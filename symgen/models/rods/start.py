@@ -188,6 +188,9 @@ def _velocity(model: RodsModel) -> list[NamedMatrix]:
         rows.extend(f"{name} velocity {axis}" for axis in model.axes)
         targets.extend(velocity)
         gradients.extend(model.calculus.gradient(c) for c in model.position(name))
+    ground = [pair for p in model.ground for pair in zip(model.q[p], model.u[p], strict=True)]
+    for i, row in enumerate(gradients):
+        targets[i] -= sp.Add(*(row[q.symbol] * u.symbol for q, u in ground if q.symbol in row))
     about = "their derivative by the velocities, K"
     return [
         named(model, "start_rates", targets, "m/s", "prescribed initial velocities, k", rows=rows),
