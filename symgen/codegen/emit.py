@@ -234,6 +234,7 @@ def _series(program: Program, kernels: tuple[KernelView, ...], target: Target) -
         sides.rows,
         sides.coordinates,
         sides.out_size - sides.coordinates,
+        sides.products,
         sum(k.out_size for k in program.series[1:]) - sides.watched,
         sides.watched,
         tuple(order_view(k, _type(target), printer(target)) for k in program.series),

@@ -6,7 +6,7 @@ from symgen.codegen.printers import Printer
 from symgen.codegen.views import LoopOverOrders, OrderView, SeriesStatement
 from symgen.lowering.expressions import Call, Node, calls
 from symgen.lowering.kernel import Assignment, SeriesKernel
-from symgen.lowering.recurrences import BACK, LOOPS, ROW
+from symgen.lowering.recurrences import AFTER, LOOPS, ROW
 
 
 def order_view(kernel: SeriesKernel, c_type: str, prints: Printer) -> OrderView:
@@ -32,7 +32,7 @@ def order_view(kernel: SeriesKernel, c_type: str, prints: Printer) -> OrderView:
         kernel.description,
         list(calls(values)),
         of(ROW),
-        of(BACK),
-        tuple(statement(a) for a in kernel.assignments if not a.target.startswith((f"{ROW}[", f"{BACK}["))),
+        of(AFTER),
+        tuple(statement(a) for a in kernel.assignments if not a.target.startswith((f"{ROW}[", f"{AFTER}["))),
         tuple(SeriesStatement(f"out[{s.index}]", prints(s.value)) for s in kernel.stores),
     )

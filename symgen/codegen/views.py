@@ -122,7 +122,7 @@ class OrderView:
     description: str
     functions: list[str]
     early: tuple[SeriesStatement, ...]
-    back: tuple[SeriesStatement, ...]
+    after: tuple[SeriesStatement, ...]
     statements: tuple[SeriesStatement | LoopOverOrders, ...]
     out: tuple[SeriesStatement, ...]
 
@@ -140,6 +140,7 @@ class SeriesView:
     rows: int
     coordinates: int
     multipliers: int
+    products: int
     power: int
     watched: int
     orders: tuple[OrderView, ...]

@@ -118,12 +118,14 @@ class Kernel:
 class SeriesKernel(Kernel):
     """A kernel of power series in time for one order.
 
-    There are ``rows`` coefficients of each order: those of the ``coordinates``, of the multipliers, of
-    operands, of the work of loads without potential, and last of the ``watched`` quantities.
+    There are ``rows`` coefficients of each order: those of the ``coordinates``, of the multipliers, of the
+    first and then of the second factors of ``products``, of other operands, of the work of loads without
+    potential, and last of the ``watched`` quantities.
     """
 
     rows: int = 0
     coordinates: int = 0
+    products: int = 0
     watched: int = 0
 
 

@@ -7,8 +7,9 @@ lambda, and by it coefficient k + 2 of q. Then ``along`` returns coefficient k o
 power, and what a run watches.
 
 Each order has a row of coefficients: those of q, those of lambda, and the operands of products and functions.
-Operands of products are side by side: one loop over the orders computes all products that do not depend on
-each other, several in one instruction.
+Coefficient k of a product is a_0 b_k + a_k b_0 and the sum of a_i b_(k - i) for 0 < i < k; so it is for
+functions. All these sums are of orders before: one loop computes them together, with operands side by side,
+before the statements for order k.
 
 A length constraint is a polynomial of second degree in q: the second rate of its coefficient k + 2 takes half
 the products of gamma - J a, and leaves no error of lower order in the constraint.
@@ -42,6 +43,7 @@ from symgen.lowering.series import (
     Function,
     Linear,
     Q,
+    Rate,
     Terms,
     Times,
     U,
@@ -51,17 +53,19 @@ from symgen.lowering.series import (
     unit,
 )
 
-#: Rows of coefficients in a kernel: of the present order k, the next two, the one before; and of k or k + 1.
-AT, NEXT, FAR, BACK, ROW = "at", "next", "far", "back", "row"
+#: Rows of coefficients in a kernel: of the present order k, also after the solution; of the next two; of k or
+#: k + 1.
+AT, AFTER, NEXT, FAR, ROW = "at", "after", "next", "far", "row"
+#: The first row; the same, but zero at order 0; sums of products of the orders between.
+ROWS, ORIGIN_ROW, SUM = "rows", "origin_row", "sum"
 #: Numbers in a kernel: the time's coefficient; 1 at order 0 and else 0, of the present order and of the row;
-#: k + 1; (k + 1) (k + 2); k (k + 1).
-TIME_NOW, FIRST, ORIGIN, RATE, AHEAD, BEHIND = map(
-    Reference, ("time", "first", "origin", "rate", "ahead", "behind")
+#: k; k + 1; (k + 1) (k + 2).
+TIME_NOW, FIRST, ORIGIN, ORDER, RATE, AHEAD = map(
+    Reference, ("time", "first", "origin", "order", "rate", "ahead")
 )
-#: Loops over the orders: of products with an unknown coefficient of the present order; of products; of
-#: squares; of squares and of products two orders ahead.
-LATE, NOW, SQUARE, SQUARE_AHEAD, PRODUCT_AHEAD = "late", "now", "square", "square_ahead", "product_ahead"
-LOOPS = (LATE, NOW, SQUARE, SQUARE_AHEAD, PRODUCT_AHEAD)
+#: Loops over the orders, of squares and of products two orders ahead.
+SQUARE_AHEAD, PRODUCT_AHEAD = "square_ahead", "product_ahead"
+LOOPS = (SQUARE_AHEAD, PRODUCT_AHEAD)
 
 
 def _place(array: str, index: int) -> Reference:
@@ -132,22 +136,23 @@ def lower_series(e: EquationsOfMotion) -> list[SeriesKernel]:
     for (i, j), factor in e.jacobian.items():
         subtract(j, factor, MULTIPLIER, i)
         subtract(n + i, factor, ACCELERATION, j)
-    writer = _Writer(terms, e)
-    found = writer.two_ahead({n + i: x for i, x in squares.items()})
-    found |= dict(zip(sums, writer.write([total(x) for x in sums.values()]), strict=True))
-    behind = _Writer(terms, e, writer)
     powers, watched = [] if e.power is None else [terms.of(e.power)], list[Linear]()
     with suppress(DerivationError):
         watched = [terms.of(x) for x in e.watched]
-    along = behind.write([*powers, *watched])
-    rows = len(behind.placed) + len(along)
+    totals = [total(x) for x in sums.values()]
+    writer = _Writer(terms, e, [*totals, *powers, *watched])
+    found = writer.two_ahead({n + i: x for i, x in squares.items()})
+    found |= dict(zip(sums, writer.write(totals), strict=True))
+    before = writer.solved()
+    along = writer.write([*powers, *watched])
+    rows, counts = len(writer.placed) + len(along), (len(watched), len(writer.pairs))
     about = "coefficient of the right-hand side of the equations of motion"
     out = [found[i] for i in range(n + e.m)]
-    kernels = [_kernel("sides", about, writer.complete(), out, rows, e, len(watched))]
+    kernels = [_kernel("sides", about, writer.complete(before), out, rows, e, *counts)]
     if along:
         about = "coefficient of the power of loads without potential" if powers else "coefficient"
         about += (" and" if powers else "") + " of what a run watches" if watched else ""
-        kernels.append(_kernel("along", about, behind.statements, along, rows, e, len(watched)))
+        kernels.append(_kernel("along", about, writer.statements, along, rows, e, *counts))
     return kernels
 
 
@@ -159,6 +164,7 @@ def _kernel(
     rows: int,
     e: EquationsOfMotion,
     watched: int,
+    products: int,
 ) -> SeriesKernel:
     read = references([*(a.value for a in statements), *out])
     inputs = [("t", 2)] + ([("p", e.parameters)] if any(x.startswith("p[") for x in read) else [])
@@ -173,6 +179,7 @@ def _kernel(
         (block,),
         rows=rows,
         coordinates=e.n,
+        products=products,
         watched=watched,
     )
 
@@ -180,34 +187,45 @@ def _kernel(
 class _Writer:
     """Writes statements for the coefficients of the present order.
 
-    Those of a and lambda are unknown to the first writer, and known to one that has another ``before`` it,
-    whose rows it reads.
+    Those of a and lambda are unknown until the solution.
+
+    Parameters
+    ----------
+    terms
+        Converts nodes to sums of atoms.
+    e
+        The equations of motion.
+    sums
+        All sums that it is to write.
     """
 
-    def __init__(self, terms: Terms, e: EquationsOfMotion, before: _Writer | None = None) -> None:
-        self.terms, self.before = terms, before
+    def __init__(self, terms: Terms, e: EquationsOfMotion, sums: Sequence[Linear]) -> None:
+        self.terms, self.n = terms, e.n
         self.statements: list[Assignment] = []
-        self.rows: dict[Atom, list[int]] = {}
-        self.results: dict[tuple[str, Atom], Node] = {}
+        self.placed: list[Atom] = [
+            *(Argument(Q, i) for i in range(e.n)),
+            *(Argument(MULTIPLIER, i) for i in range(e.m)),
+        ]
+        self.rows: dict[Atom, list[int]] = {atom: [row] for row, atom in enumerate(self.placed)}
+        self._solved = False
         self._done: set[Atom] = set()
-        first = [*(Argument(Q, i) for i in range(e.n)), *(Argument(MULTIPLIER, i) for i in range(e.m))]
-        self.placed: list[Atom | None] = list(first)
-        if before:
-            # Copies of a and lambda are those up to the order before.
-            copies = before.placed[len(first) :]
-            self.placed += [None if a is None or is_late(a) else a for a in copies]
-        for row, atom in enumerate(self.placed):
-            if atom is not None:
-                self.rows.setdefault(atom, []).append(row)
-
-    def _is_unknown(self, atom: Atom) -> bool:
-        return self.before is None and is_late(atom)
-
-    def _is_stored(self, atom: Atom) -> bool:
-        """Return whether the writer before has stored the coefficient of the present order."""
-        return self.before is not None and atom in self.before.rows and not is_late(atom)
+        self._results: dict[Atom, Node] = {}
+        self._named = 0
+        pairs = dict.fromkeys(pair for atom in terms.needed(sums) for pair in terms.pairs(atom))
+        self.pairs = sorted(pairs, key=lambda pair: terms.number(pair[1]))
+        for i in (0, 1):
+            self._append([pair[i] for pair in self.pairs])
+        self._sums = {pair: _place(SUM, i) for i, pair in enumerate(self.pairs)}
 
     # -- rows --------------------------------------------------------------------------------------------
+
+    def _append(self, atoms: Sequence[Atom]) -> int:
+        """Return the first of new rows side by side for these atoms."""
+        first = len(self.placed)
+        for row, atom in enumerate(atoms, first):
+            self.rows.setdefault(atom, []).append(row)
+            self.placed.append(atom)
+        return first
 
     def _block(self, atoms: Sequence[Atom]) -> int:
         """Return the first of rows side by side with these atoms."""
@@ -215,173 +233,152 @@ class _Writer:
         for first in self.rows.get(atoms[0], ()):
             if self.placed[first : first + many] == list(atoms):
                 return first
-        first = len(self.placed)
-        for row, atom in enumerate(atoms, first):
-            self.rows.setdefault(atom, []).append(row)
-            self.placed.append(atom)
-        return first
+        return self._append(atoms)
 
-    def _row(self, atom: Atom) -> Reference:
-        return _number(self._block([atom]))
+    def _first(self, array: str, atom: Atom) -> Reference:
+        return _place(array, self.rows[atom][0])
 
     # -- coefficients ------------------------------------------------------------------------------------
 
     def _value(self, atom: Atom) -> Node:
         """Return the coefficient of the present order of an atom; zero while it is unknown."""
         match atom:
-            case _ if self._is_unknown(atom):
-                return ZERO
+            case Argument(array, i) if is_late(atom):
+                if not self._solved:
+                    return ZERO
+                late = array == MULTIPLIER
+                return _place(AT, self.n + i) if late else multiply(AHEAD, _place(FAR, i))
             case Argument(array, i) if array == U:
                 return multiply(RATE, _place(NEXT, i))
-            case Argument(array, i) if array == ACCELERATION:
-                return multiply(AHEAD, _place(FAR, i))
             case Argument(array) if array == TIME:
                 return TIME_NOW
-            case Times() if not self._is_stored(atom):
-                return self.results[self._loop_of(atom), atom]
-            case Value(name) if not (self._is_stored(atom) or self._is_ahead(atom)):
-                return Reference(name)
-        return _place(AT, self.rows[atom][0])
+            case Argument() | Value() if self._is_ahead(atom):
+                return self._first(AT, atom)
+        return self._results[atom]
 
     def _is_ahead(self, atom: Atom) -> bool:
         """Return whether the coefficient of the present order was stored at the order before."""
-        return self.before is None and atom in self.rows and self.terms.is_early(atom)
+        return atom in self.rows and self.terms.is_early(atom)
 
     def _at_order(self, x: Linear) -> Node:
         values = [multiply(x.constant, FIRST), *(multiply(c, self._value(a)) for a, c in x.terms)]
         return add([v for v in values if v != ZERO])
 
-    def _in_row(self, atom: Atom, *, stored: bool = True) -> Node:
+    def _in_row(self, atom: Atom) -> Node:
         """Return the coefficient in any row of a sum of coordinates."""
-        if stored and atom in self.rows:
-            return _place(ROW, self.rows[atom][0])
+        if isinstance(atom, Argument):
+            return _place(ROW, atom.index)
         x = self.terms.named[atom]
         values = [multiply(x.constant, ORIGIN), *(multiply(c, self._in_row(a)) for a, c in x.terms)]
         return add([v for v in values if v != ZERO])
 
+    def _new(self, atom: Atom, value: Node) -> None:
+        """Name the present coefficient of an atom."""
+        if isinstance(atom, Value) and atom not in self._results:
+            name = atom.name
+        else:
+            name, self._named = f"term{self._named}", self._named + 1
+        self.statements.append(Assignment(name, value))
+        self._results[atom] = Reference(name)
+
     # -- statements --------------------------------------------------------------------------------------
 
-    def _assign(self, target: Reference, value: Node) -> None:
-        if value != target:
-            self.statements.append(Assignment(target.name, value))
-
     def _store(self, atom: Atom) -> None:
-        """Store the present coefficient in the rows of an atom that this writer has."""
-        written = len(self.before.placed) if self.before else 0
+        """Store the present coefficient in all rows of an atom and of its rate."""
         value = self._value(atom)
-        for row in self.rows.get(atom, ()):
-            if row >= written:
-                self._assign(_place(AT, row), value)
+        rows = [] if self._is_ahead(atom) else self.rows.get(atom, ())
+        self.statements += [Assignment(_place(AT, row).name, value) for row in rows]
+        rate = multiply(ORDER, value)
+        self.statements += [Assignment(_place(AT, row).name, rate) for row in self.rows.get(Rate(atom), ())]
 
     def _ensure(self, atom: Atom) -> None:
-        """Compute the coefficient of a named sum; store that of any operand from before its level."""
-        written_here = isinstance(atom, Times | Function) and not self._is_stored(atom)
-        if atom in self._done or written_here:
+        """Compute and store the present coefficient of an atom that is known."""
+        if atom in self._done or is_late(atom):
             return
         self._done.add(atom)
-        if self._is_unknown(atom) or self._is_ahead(atom):
-            return
-        if isinstance(atom, Value) and not self._is_stored(atom):
+        if not self._is_ahead(atom):
             for a in self.terms.operands(atom):
                 self._ensure(a)
-            self._assign(Reference(atom.name), self._at_order(self.terms.named[atom]))
+            match atom:
+                case Value():
+                    self._new(atom, self._at_order(self.terms.named[atom]))
+                case Times():
+                    self._new(atom, self._product(atom))
+                case Function():
+                    self._new(atom, self._recurrence(atom))
         self._store(atom)
 
-    def _loop_of(self, atom: Times) -> str:
-        if self._is_unknown(atom.first):
-            return LATE
-        return SQUARE if atom.first == atom.second else NOW
+    def _product(self, atom: Times) -> Node:
+        """Return the coefficient of a product, without the part of an unknown coefficient."""
+        a, b = atom.first, atom.second
+        late = is_late(a)
+        of_first = multiply(self._first(ORIGIN_ROW if late else ROWS, a), self._value(b))
+        of_last = multiply(self._value(a), self._first(ROWS if late else ORIGIN_ROW, b))
+        return add([self._sums[a, b], of_first, *([] if of_last == ZERO else [of_last])])
 
-    def _loop(self, kind: str, name: str, products: Sequence[Times]) -> list[Assignment]:
-        """Return one loop over the orders for products, none for none."""
-        if not products:
-            return []
-        first, second = (
-            self._block([operands[i] for operands in map(self.terms.operands, products)]) for i in (0, 1)
-        )
-        self.results |= {(kind, p): _place(name, i) for i, p in enumerate(products)}
-        return [Assignment(name, Call(kind, tuple(map(_number, (first, second, len(products))))))]
+    def _recurrence(self, atom: Function) -> Node:
+        """Return the call of the function that computes the present coefficient."""
+        arguments: list[Node] = [Reference("k"), Reference("per")]
+        arguments += [self._at_order(x) for x in atom.of]
+        arguments += [self._value(x) for x in atom.read]
+        arguments += [self._first(ROWS, x) for x in atom.first]
+        arguments += [atom.power] if atom.power != ZERO else []
+        return Call(f"series_{atom.name}", (*arguments, *(self._sums[pair] for pair in atom.pairs)))
 
     def two_ahead(self, squares: Mapping[int, Linear]) -> dict[int, Node]:
         """Return what is known of minus the second rates of polynomials of second degree in q."""
         products = list(
             dict.fromkeys(a for x in squares.values() for a, _ in x.terms if isinstance(a, Times))
         )
-        same = [a for a in products if a.first == a.second]
-        mixed = [a for a in products if a.first != a.second]
-        self.statements += self._loop(SQUARE_AHEAD, SQUARE_AHEAD, same)
-        self.statements += self._loop(PRODUCT_AHEAD, PRODUCT_AHEAD, mixed)
+        results: dict[Times, Node] = {}
+        for kind, same in ((SQUARE_AHEAD, True), (PRODUCT_AHEAD, False)):
+            chosen = [a for a in products if (a.first == a.second) == same]
+            if chosen:
+                places = (self._block([a.first for a in chosen]), self._block([a.second for a in chosen]))
+                call = Call(kind, tuple(map(_number, (*places, len(chosen)))))
+                self.statements.append(Assignment(kind, call))
+                results |= {a: _place(kind, i) for i, a in enumerate(chosen)}
 
         def value(x: Linear) -> Node:
-            kinds = (SQUARE_AHEAD, PRODUCT_AHEAD)
-            values = [
-                multiply(c, self.results[k, a]) for a, c in x.terms for k in kinds if (k, a) in self.results
-            ]
+            values = [multiply(c, results[a]) for a, c in x.terms if isinstance(a, Times)]
             return negative(multiply(AHEAD, add(values))) if values else ZERO
 
         return {i: value(x) for i, x in squares.items()}
 
     def write(self, sums: Sequence[Linear]) -> list[Node]:
         """Write what sums need, level by level; return their coefficients."""
-        levels: dict[int, list[Times | Function]] = {}
         for atom in self.terms.needed(sums):
-            if isinstance(atom, Times | Function) and not self._is_stored(atom):
-                levels.setdefault(self.terms.level(atom), []).append(atom)
-        # Rows first: every operand is stored in all of its rows as soon as it is known.
-        loops = {level: self._plan(level, atoms) for level, atoms in levels.items()}
-        for level, atoms in levels.items():
-            for atom in atoms:
-                for operand in self.terms.operands(atom):
-                    self._ensure(operand)
-            self.statements += loops[level]
-            for atom in atoms:
-                if isinstance(atom, Function):
-                    self._assign(_place(AT, self.rows[atom][0]), self._recurrence(atom))
-                self._store(atom)
+            self._ensure(atom)
         for x in sums:
             for a, _ in x.terms:
                 self._ensure(a)
         return [self._at_order(x) for x in sums]
 
-    def _plan(self, level: int, atoms: Sequence[Times | Function]) -> list[Assignment]:
-        """Return the loops of a level, with rows for all that its products and functions read."""
-        products = sorted(
-            (a for a in atoms if isinstance(a, Times)), key=lambda a: self.terms.number(a.second)
-        )
-        loops = [
-            loop
-            for kind in (LATE, NOW, SQUARE)
-            for loop in self._loop(kind, f"{kind}{level}", [a for a in products if self._loop_of(a) == kind])
-        ]
-        for atom in atoms:
-            if isinstance(atom, Function):
-                for x in (atom, *atom.read):
-                    self._row(x)
-        return loops
+    def solved(self) -> list[Assignment]:
+        """Return the statements so far: from now on, the coefficients of a and lambda are known."""
+        before, self.statements, self._solved = self.statements, [], True
+        self._done = {atom for atom in self._done if not self.terms.is_of_late(atom)}
+        return before
 
-    def _recurrence(self, atom: Function) -> Node:
-        """Return the call of the function that computes the present coefficient."""
-        arguments: list[Node] = [self._at_order(x) for x in atom.of]
-        arguments += [self._row(x) for x in atom.read]
-        if atom.power != ZERO:
-            arguments.append(atom.power)
-        arguments += [self._row(x) for x in (atom, atom.pair) if x]
-        return Call(f"series_{atom.name}", (Reference("rows"), Reference("k"), *arguments))
-
-    def complete(self) -> list[Assignment]:
-        """Return all statements: first the rows of sums of coordinates, of a and of lambda."""
-        ahead, back = [], []
-        for atom in self.terms.in_turn(self.rows):
-            rows = self.rows[atom]
+    def complete(self, before: Sequence[Assignment]) -> list[Assignment]:
+        """Return all statements of ``sides``: with the rows of sums of coordinates, of a and of lambda."""
+        early: list[Assignment] = []
+        late: list[Assignment] = []
+        for atom, rows in self.rows.items():
             if self.terms.is_early(atom):
-                of_first = self._in_row(atom, stored=isinstance(atom, Argument))
-                ahead += [
-                    (_place(ROW, r), _place(ROW, rows[0]) if i else of_first) for i, r in enumerate(rows)
-                ]
+                value, row, found = self._in_row(atom), ROW, early
             elif isinstance(atom, Argument) and is_late(atom):
-                known: Node = _place(BACK, rows[0])
-                if atom.array == ACCELERATION:
-                    known = multiply(BEHIND, _place(NEXT, atom.index))
-                back += [(_place(BACK, r), _place(BACK, rows[0]) if i else known) for i, r in enumerate(rows)]
-        found = [Assignment(place.name, value) for place, value in (*ahead, *back) if place != value]
-        return [*found, *self.statements]
+                value, row, found = self._value(atom), AFTER, late
+            else:
+                continue
+            first = _place(row, rows[0])
+            values = [value, *(first for _ in rows[1:])]
+            found += [Assignment(_place(row, r).name, x) for r, x in zip(rows, values, strict=True)]
+        kept = (a for a in (*early, *late) if not _is_itself(a))
+        return [*kept, *before]
+
+
+def _is_itself(a: Assignment) -> bool:
+    """Return whether a row is stored in its own place."""
+    own = a.target.replace(f"{AFTER}[", f"{AT}[")
+    return isinstance(a.value, Reference) and a.value.name in (a.target, own)

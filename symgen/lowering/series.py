@@ -5,7 +5,7 @@ Source of the recurrences: A. Jorba, M. Zou, Experimental Mathematics 14 (2005) 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from symgen.errors import DerivationError
@@ -65,8 +65,9 @@ class Times:
 class Function:
     """A function by its C name.
 
-    Its coefficient follows from those of the sums ``of`` of the same order, and from all coefficients so far
-    of the atoms ``read``; ``power`` is the exponent of 'pow'.
+    Its coefficient follows from those of the sums ``of`` and of the atoms ``read`` of the same order, from
+    the first coefficients of the atoms ``first``, and from sums of products of all others, those of
+    ``pairs``; ``power`` is the exponent of 'pow'.
     """
 
     name: str
@@ -81,8 +82,42 @@ class Function:
             return Function(RATES[self.name], (), (self,))
         return Function(PAIRS[self.name], self.of, self.read) if self.name in PAIRS else None
 
+    @property
+    def pairs(self) -> list[tuple[Atom, Atom]]:
+        """The pairs of atoms of which products are summed."""
+        match self.name, self.read:
+            case "sqrt", _:
+                return [(self, self)]
+            case "quotient", (below,):
+                return [(self, below)]
+            case "tanh_rate", (x,):
+                return [(x, x)]
+            case "log" | "atan" | "asin", (below,):
+                return [(Rate(self), below)]
+            case "atan2", (y, x, below):
+                return [(Rate(y), x), (Rate(x), y), (Rate(self), below)]
+            case "pow", (x,):
+                return [(Rate(x), self), (x, Rate(self))]
+        return [(Rate(self.read[0]), self.pair or self)]
 
-Atom = Argument | Value | Times | Function
+    @property
+    def first(self) -> list[Atom]:
+        """The atoms whose first coefficients appear."""
+        if self.name in ("quotient", "pow"):
+            return [*self.read, self]
+        if self.name in ("log", "atan", "asin", "atan2", "tanh_rate"):
+            return list(self.read)
+        return [self.pair or self]
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """The coefficients of an atom, each times its order."""
+
+    of: Atom
+
+
+Atom = Argument | Value | Times | Function | Rate
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,6 +182,7 @@ class Terms:
         self._names: dict[Linear, Atom] = {}
         self._known: dict[str, Linear] = {}
         self._early: dict[Atom, bool] = {}
+        self._of_late: dict[Atom, bool] = {}
         self._levels: dict[Atom, int] = {}
         self._numbers: dict[Atom, int] = {}
 
@@ -277,6 +313,10 @@ class Terms:
                 return [*read, *(a for x in of for a, _ in x.terms)]
         return []
 
+    def pairs(self, atom: Times | Function) -> list[tuple[Atom, Atom]]:
+        """Return the pairs of atoms of which a coefficient takes a sum of products."""
+        return [(atom.first, atom.second)] if isinstance(atom, Times) else atom.pairs
+
     def is_early(self, atom: Atom) -> bool:
         """Return whether an atom is a sum of coordinates, the coefficient of whose next order is known."""
         if atom not in self._early:
@@ -285,6 +325,12 @@ class Terms:
             )
         return self._early[atom]
 
+    def is_of_late(self, atom: Atom) -> bool:
+        """Return whether a coefficient depends on those of accelerations or multipliers of its order."""
+        if atom not in self._of_late:
+            self._of_late[atom] = is_late(atom) or any(map(self.is_of_late, self.operands(atom)))
+        return self._of_late[atom]
+
     def level(self, atom: Atom) -> int:
         """Return how many products and functions lead to an atom, one after the other."""
         if atom not in self._levels:
@@ -292,23 +338,7 @@ class Terms:
             self._levels[atom] = below + isinstance(atom, Times | Function)
         return self._levels[atom]
 
-    def in_turn(self, atoms: Collection[Atom]) -> list[Atom]:
-        """Return atoms, each behind those that it is computed from."""
-        wanted, seen, found = set(atoms), set[Atom](), list[Atom]()
-
-        def visit(atom: Atom) -> None:
-            if atom not in seen:
-                seen.add(atom)
-                for operand in self.operands(atom):
-                    visit(operand)
-                if atom in wanted:
-                    found.append(atom)
-
-        for atom in atoms:
-            visit(atom)
-        return found
-
-    def needed(self, sums: Iterable[Linear]) -> list[Atom]:
+    def needed(self, sums: Iterable[Linear]) -> list[Times | Function]:
         """Return the products and functions that sums need, in the order of their levels."""
         done: dict[Atom, None] = {}  # whose order is that of the sums
         waiting = [a for x in sums for a, _ in x.terms]
