@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char peaucellier_equations[65] = "548d4f13468ef077ef307c19d134acae160f3bc9e37c0f166eca26c1197a2c69";
+const char peaucellier_equations[65] = "f5646f1e909543b68a69649c83cb98a839b7fe37fd408f850a93964897d23ba8";
 
 /* One over a pivot, or zero where cancellation left nothing of it. */
 static double guarded_inverse(double pivot, double sound, double tolerance)

@@ -10,109 +10,23 @@
 
 #define SYMGEN_RESTRICT restrict
 
-enum { ROWS = 59, COORDINATES = 8, MULTIPLIERS = 7 };
+enum { ROWS = 47, COORDINATES = 8, MULTIPLIERS = 7, PRODUCTS = 14 };
+enum { BESIDE = 8 }; /* products in one pass over the orders */
 
-/* coefficient of the right-hand side of the equations of motion */
-static void sides(long k, const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT rows, double *SYMGEN_RESTRICT out)
+/* Sums of products of coefficients a_i b_(k - i) of the orders between 0 and k. */
+static void sum_products(const double *SYMGEN_RESTRICT rows, long k, double *SYMGEN_RESTRICT sum)
 {
-    double *const at = rows + k*ROWS, *const next = at + ROWS, *const far = next + ROWS;
-    const double first = k == 0, rate = (double)(k + 1), ahead = (double)((k + 1)*(k + 2)), behind = (double)(k*(k + 1));
-    const double time = k == 0 ? t[0] : (double)(k == 1);
-    (void)t, (void)p, (void)first, (void)rate, (void)ahead, (void)behind, (void)time, (void)far, (void)next;
-    for (double *row = k == 0 ? at : next;; row = next) {
-        const double origin = row == rows;
-        (void)origin;
-        row[15] = row[0];
-        row[45] = row[0];
-        row[16] = row[1];
-        row[46] = row[1];
-        row[24] = row[3];
-        row[54] = row[3];
-        row[23] = row[7];
-        row[53] = row[7];
-        row[17] = row[2] - row[0];
-        row[47] = row[17];
-        row[18] = row[3] - row[1];
-        row[48] = row[18];
-        row[19] = row[4] - row[2];
-        row[49] = row[19];
-        row[20] = row[5] - row[3];
-        row[50] = row[20];
-        row[21] = row[6] - row[4];
-        row[51] = row[21];
-        row[22] = row[7] - row[5];
-        row[52] = row[22];
-        row[25] = row[6] - row[0];
-        row[55] = row[25];
-        row[26] = row[7] - row[1];
-        row[56] = row[26];
-        row[27] = 0.01*origin - 0.5*row[6];
-        row[28] = 0.01*origin - 0.5*row[2];
-        row[29] = 0.02*origin - row[6];
-        row[30] = 0.02*origin - row[2];
-        row[57] = row[6] - 0.02*origin;
-        row[58] = row[2] - 0.02*origin;
-        if (row == next)
-            break;
+    for (long first = 0; first < PRODUCTS; first += BESIDE) {
+        const double *a = rows + COORDINATES + MULTIPLIERS + first, *b = a + PRODUCTS + k*ROWS;
+        double s[BESIDE] = {0};
+        for (long i = 1; i < k; i++) {
+            a += ROWS, b -= ROWS;
+            for (int j = 0; j < BESIDE; j++)
+                s[j] += a[j]*b[j];
+        }
+        for (int j = 0; j < BESIDE; j++)
+            sum[first + j] = s[j];
     }
-    if (k > 0) {
-        double *const back = at - ROWS;
-        back[31] = back[8];
-        back[32] = back[8];
-        back[33] = back[9];
-        back[34] = back[9];
-        back[35] = back[10];
-        back[36] = back[10];
-        back[37] = back[11];
-        back[38] = back[11];
-        back[39] = back[12];
-        back[43] = back[12];
-        back[40] = back[13];
-        back[44] = back[13];
-        back[41] = back[14];
-        back[42] = back[14];
-    }
-    double square_ahead[12] = {0};
-    for (long i = (k + 1)/2; i > 0; i--) { /* the last stored are read last */
-        const double *a = rows + i*ROWS + 15, *b = rows + (k + 2 - i)*ROWS + 15;
-        for (int j = 0; j < 12; j++)
-            square_ahead[j] += a[j]*b[j];
-    }
-    if (k % 2 == 0) {
-        const double *a = rows + (k/2 + 1)*ROWS + 15;
-        for (int j = 0; j < 12; j++)
-            square_ahead[j] += square_ahead[j] + a[j]*a[j];
-    } else {
-        for (int j = 0; j < 12; j++)
-            square_ahead[j] += square_ahead[j];
-    }
-    double product_ahead[2] = {0};
-    for (long i = 1; i < k + 2; i++) {
-        const double *a = rows + i*ROWS + 27, *b = rows + (k + 2 - i)*ROWS + 29;
-        for (int j = 0; j < 2; j++)
-            product_ahead[j] += a[j]*b[j];
-    }
-    double late1[14] = {0};
-    for (long i = 0; i < k; i++) {
-        const double *a = rows + i*ROWS + 31, *b = rows + (k - i)*ROWS + 45;
-        for (int j = 0; j < 14; j++)
-            late1[j] += a[j]*b[j];
-    }
-    out[0] = late1[2] + late1[10] - late1[0];
-    out[1] = late1[3] + late1[11] - p[14]*first - late1[1];
-    out[2] = late1[4] - late1[2] - late1[13];
-    out[3] = late1[5] - p[16]*first - late1[3] - late1[9];
-    out[4] = late1[6] - late1[4];
-    out[5] = late1[7] - p[15]*first - late1[5];
-    out[6] = -(late1[6] + late1[12] + late1[10]);
-    out[7] = -(p[16]*first + late1[7] + late1[8] + late1[11]);
-    out[8] = -ahead*(0.5*square_ahead[0] + 0.5*square_ahead[1]);
-    out[9] = -ahead*(0.5*square_ahead[2] + 0.5*square_ahead[3]);
-    out[10] = -ahead*(0.5*square_ahead[4] + 0.5*square_ahead[5]);
-    out[11] = -ahead*(0.5*square_ahead[6] + 0.5*square_ahead[7]);
-    out[12] = -ahead*(product_ahead[0] + 0.5*square_ahead[8]);
-    out[13] = -ahead*(product_ahead[1] + 0.5*square_ahead[9]);
-    out[14] = -ahead*(0.5*square_ahead[10] + 0.5*square_ahead[11]);
 }
 
 /* solution for the right-hand side in out, with the factors in work, in place */
@@ -168,18 +82,112 @@ static void substitute(const double *SYMGEN_RESTRICT p, const double *SYMGEN_RES
 /* Coefficients of the motion: those of order t[1] + 1 of the coordinates are the last. */
 void peaucellier_series(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)
 {
+    static const double zero_row[ROWS];
     const long orders = (long)t[1];
-    double found[COORDINATES + MULTIPLIERS + 1];
-    (void)q, (void)u;
+    double *const rows = out, found[COORDINATES + MULTIPLIERS + 1], sum[PRODUCTS + 8];
+    (void)q, (void)u, (void)sum;
+    for (long i = COORDINATES; i < ROWS; i++)
+        rows[i] = 0;
     for (long k = 0; k < orders; k++) {
-        double *const at = out + k*ROWS, *const next = at + ROWS, *const far = next + ROWS;
-        const double rate = (double)(k + 1), by = 1/(rate*(double)(k + 2));
-        (void)rate;
-        sides(k, t, p, out, found);
+        double *const at = rows + k*ROWS, *const next = at + ROWS, *const far = next + ROWS;
+        const double *const origin_row = k == 0 ? zero_row : rows;
+        const double first = k == 0, order = (double)k, rate = order + 1, ahead = rate*(order + 2), by = 1/ahead;
+        const double per = k == 0 ? 0 : 1/order, time = k == 0 ? t[0] : (double)(k == 1);
+        (void)origin_row, (void)first, (void)per, (void)time;
+        for (double *row = k == 0 ? at : next;; row = next) {
+            const double origin = row == rows;
+            (void)origin;
+            row[29] = row[0];
+            row[30] = row[1];
+            row[38] = row[3];
+            row[37] = row[7];
+            row[31] = row[2] - row[0];
+            row[32] = row[3] - row[1];
+            row[33] = row[4] - row[2];
+            row[34] = row[5] - row[3];
+            row[35] = row[6] - row[4];
+            row[36] = row[7] - row[5];
+            row[39] = row[6] - row[0];
+            row[40] = row[7] - row[1];
+            row[41] = row[6] - 0.02*origin;
+            row[42] = row[2] - 0.02*origin;
+            row[43] = 0.01*origin - 0.5*row[6];
+            row[44] = 0.01*origin - 0.5*row[2];
+            row[45] = 0.02*origin - row[6];
+            row[46] = 0.02*origin - row[2];
+            if (row == next)
+                break;
+        }
+        sum_products(rows, k, sum);
+        /* coefficient of the right-hand side of the equations of motion */
+        double square_ahead[12] = {0};
+        for (long i = (k + 1)/2; i > 0; i--) { /* the last stored are read last */
+            const double *a = rows + i*ROWS + 29, *b = rows + (k + 2 - i)*ROWS + 29;
+            for (int j = 0; j < 12; j++)
+                square_ahead[j] += a[j]*b[j];
+        }
+        if (k % 2 == 0) {
+            const double *a = rows + (k/2 + 1)*ROWS + 29;
+            for (int j = 0; j < 12; j++)
+                square_ahead[j] += square_ahead[j] + a[j]*a[j];
+        } else {
+            for (int j = 0; j < 12; j++)
+                square_ahead[j] += square_ahead[j];
+        }
+        double product_ahead[2] = {0};
+        for (long i = 1; i < k + 2; i++) {
+            const double *a = rows + i*ROWS + 43, *b = rows + (k + 2 - i)*ROWS + 45;
+            for (int j = 0; j < 2; j++)
+                product_ahead[j] += a[j]*b[j];
+        }
+        const double term0 = sum[11] + origin_row[14]*at[40];
+        const double term1 = sum[8] + origin_row[12]*at[7];
+        const double term2 = sum[7] + origin_row[11]*at[36];
+        const double term3 = sum[10] + origin_row[14]*at[39];
+        const double term4 = sum[12] + origin_row[12]*at[41];
+        const double term5 = sum[6] + origin_row[11]*at[35];
+        const double term6 = sum[5] + origin_row[10]*at[34];
+        const double term7 = sum[4] + origin_row[10]*at[33];
+        const double term8 = sum[9] + origin_row[13]*at[3];
+        const double term9 = sum[3] + origin_row[9]*at[32];
+        const double term10 = sum[13] + origin_row[13]*at[42];
+        const double term11 = sum[2] + origin_row[9]*at[31];
+        const double term12 = sum[1] + origin_row[8]*at[1];
+        const double term13 = sum[0] + origin_row[8]*at[0];
+        found[0] = term11 + term3 - term13;
+        found[1] = term9 + term0 - p[14]*first - term12;
+        found[2] = term7 - term11 - term10;
+        found[3] = term6 - p[16]*first - term9 - term8;
+        found[4] = term5 - term7;
+        found[5] = term2 - p[15]*first - term6;
+        found[6] = -(term5 + term4 + term3);
+        found[7] = -(p[16]*first + term2 + term1 + term0);
+        found[8] = -ahead*(0.5*square_ahead[0] + 0.5*square_ahead[1]);
+        found[9] = -ahead*(0.5*square_ahead[2] + 0.5*square_ahead[3]);
+        found[10] = -ahead*(0.5*square_ahead[4] + 0.5*square_ahead[5]);
+        found[11] = -ahead*(0.5*square_ahead[6] + 0.5*square_ahead[7]);
+        found[12] = -ahead*(product_ahead[0] + 0.5*square_ahead[8]);
+        found[13] = -ahead*(product_ahead[1] + 0.5*square_ahead[9]);
+        found[14] = -ahead*(0.5*square_ahead[10] + 0.5*square_ahead[11]);
         substitute(p, work, found);
         for (long i = 0; i < COORDINATES; i++)
             far[i] = found[i]*by;
         for (long i = 0; i < MULTIPLIERS; i++)
             at[COORDINATES + i] = found[COORDINATES + i];
+        double *const after = at;
+        after[15] = after[8];
+        after[16] = after[8];
+        after[17] = after[9];
+        after[18] = after[9];
+        after[19] = after[10];
+        after[20] = after[10];
+        after[21] = after[11];
+        after[22] = after[11];
+        after[23] = after[12];
+        after[27] = after[12];
+        after[24] = after[13];
+        after[28] = after[13];
+        after[25] = after[14];
+        after[26] = after[14];
     }
 }
