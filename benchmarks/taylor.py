@@ -18,6 +18,7 @@ import math
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import chain
 from statistics import median
 from time import process_time
 from typing import Any
@@ -149,7 +150,7 @@ def of_two_rods() -> Iterator[Required]:
 def against_exudyn(rounds: int) -> Required:
     """Return the criterion on the falling chain of three rods, with the samples of ``work_precision.py``."""
     truth, tried = chain_reference.tips(3), {}
-    for sweep in (*chain_peers.exudyn_sweeps(3), *work_precision.ours(3)):
+    for sweep in chain(chain_peers.exudyn_sweeps(3), work_precision.ours(3)):
         tried.update(work_precision.swept(3, sweep, truth))
     errors = work_precision.contenders(tried)
     timings = measure({key: Case(key[1].run, 1) for key in errors}, rounds, 1, primed=True)
