@@ -47,6 +47,7 @@ CORE = (
     "settle.c",
     "switches.c",
     "windings.c",
+    "zeros.c",
 )
 #: Kernels that the core calls for a linkage, in the order of its struct.
 KERNELS = (

@@ -110,13 +110,15 @@ def print_notes(notes: Iterable[str], console: Console) -> None:
 
 #: Maximum number of modes listed on the terminal.
 MODES = 10
+#: How an event passes zero.
+_WAYS = {True: "rising", False: "falling", None: "touching"}
 #: Maximum number of events listed on the terminal.
 _EVENTS = 20
 
 
 def events_table(result: Result) -> Group:
     """Return a table of the events of a run, truncated if long."""
-    rows = [(e.name, f"{e.time:.12g}", "rising" if e.rising else "falling") for e in result.events[:_EVENTS]]
+    rows = [(e.name, f"{e.time:.12g}", _WAYS[e.rising]) for e in result.events[:_EVENTS]]
     more = len(result.events) - _EVENTS
     return table("Events" + (f" (and {more} more)" if more > 0 else ""), ("event", "t [s]", "passing"), rows)
 

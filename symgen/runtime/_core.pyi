@@ -149,7 +149,7 @@ class Run:
     potential_min: float
     potential_max: float
     passages: list[tuple[float, float, int]]
-    events: list[tuple[float, int, bool, Array]]
+    events: list[tuple[float, int, bool | None, Array]]
     def __init__(
         self,
         equations: Integrable,

@@ -77,6 +77,11 @@ cdef const lane_functions *functions_of(Py_ssize_t lanes) except NULL:
     return functions
 
 
+cdef object _way(double rising):
+    """Return whether an event is rising; None for one that touches zero, also of a checkpoint, which has NaN."""
+    return rising > 0 if rising >= 0 else None
+
+
 cdef int at_least(str what, Py_ssize_t found, Py_ssize_t needed) except -1:
     """Raise ValueError where an array is shorter than what C reads or writes of it."""
     if found < needed:
@@ -693,7 +698,7 @@ cdef class Run:
         self.of.api.take_events(self.core, found, of_events.at)
         states = self._doubles(of_events.at, count, self.dim)
         for i in range(count):
-            self.events.append((found[i].t, found[i].index, bool(found[i].rising), states[i]))
+            self.events.append((found[i].t, found[i].index, _way(found[i].rising), states[i]))
 
     def save(self):
         """Return the bytes of equations and run: the complete state of the core between two steps."""
@@ -721,7 +726,7 @@ cdef class Run:
             if found.ndim != 2 or found.shape[1] != 3 or not ((found[:, column] >= first) & (found[:, column] < limit)).all():
                 raise ValueError(f"expected numbers of passages and events below {limit}")
         self.passages.extend((t, sound, int(k)) for t, sound, k in rows[0].tolist())
-        self.events.extend((t, int(i), bool(up), state) for (t, i, up), state in zip(rows[1].tolist(), states))
+        self.events.extend((t, int(i), _way(up), state) for (t, i, up), state in zip(rows[1].tolist(), states))
 
     def begin(self):
         """Project and record the start, estimate the first step; return the status."""

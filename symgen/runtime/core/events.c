@@ -1,10 +1,14 @@
 /* Events: zero crossings of values of the kernel `events` in a step, located on its projected interpolant.
  *
- * Values are compared at both ends of a step and at STEP_PROBES - 1 instants in between. A crossing is a change of sign,
- * or to zero, between neighbouring instants. Two crossings between neighbouring instants, and a value that only touches
- * zero, are not detected.
+ * A method with power series has the polynomials of the values over the step: every change of sign, beyond the tolerance,
+ * is a crossing, and an extremum within the tolerance touches zero.
+ *
+ * Otherwise values are compared at both ends of a step and at STEP_PROBES - 1 instants in between. A crossing is a change
+ * of sign, or to zero, between neighbouring instants. Two crossings between neighbouring instants, and a value that only
+ * touches zero, are not detected.
  */
 #include "run.h"
+#include "zeros.h"
 
 #include <string.h>
 
@@ -58,6 +62,13 @@ void move_to(struct run *run, real h, real theta) {
             memcpy(run->stage, run->error, (size_t)run->dim * sizeof(real));
     }
     look_at_events(run->e, t, run->stage);
+}
+
+/* Keep the first event without a finite value. */
+static void see(struct run *run, long place) {
+    struct state *s = run->state;
+    if (s->blind < 0 && !real_isfinite(run->gaps[place]))
+        s->blind = place % run->e->sizes.events, s->t_blind = s->t;
 }
 
 /* Evaluate all events at the probes of the step, on the interpolant or on the cubic. */
@@ -125,6 +136,107 @@ static void locate(struct run *run, real h, long index) {
     }
 }
 
+/* A value over a step, with the polynomial of its rate, and its rounding error. */
+struct course {
+    real c[COEFFICIENTS_AND_RATE], rate[MOST_COEFFICIENTS], noise;
+    long degree;
+};
+
+/* Write the course of an event, with the values of `gaps` at both ends and the rates of both series, so that steps join
+   with the same signs. Return whether it is finite. */
+static int follow(struct run *run, real h, long index, struct course *of) {
+    const long events = run->e->sizes.events;
+    real *c = of->c, *end = run->gaps + STEP_PROBES * events + index;
+    const long n = of->degree = run->scheme.kind->polynomial(run, index, h, c);
+    c[0] = run->gaps[index];
+    const real reached = value_of(c, n, 1);
+    if (!(real_isfinite(reached) && real_isfinite(*end) && real_isfinite(c[n + 1])))
+        return 0;
+    *end = continued(run, index, reached, *end);
+    real steeper = c[n + 1];
+    for (long k = 1; k <= n; k++)
+        steeper -= R(k) * c[k];
+    const real higher = *end - reached, last = steeper - R(n - 1) * higher;
+    c[n] += last, c[n - 1] += higher - last;
+    for (long k = 0; k < n; k++)
+        of->rate[k] = R(k + 1) * c[k + 1];
+    of->noise = R(4 * n) * REAL_EPSILON * (real_fabs(c[0]) + reach_of(c, n));
+    return 1;
+}
+
+/* Return the part of the step at which a crossing between two places is, with the projected interpolant beyond zero. */
+static real crossing(struct run *run, real h, long index, const struct course *of, const struct zeros *z) {
+    real a = z->from, b = z->to, at[2];
+    /* an angle is continued over less than half a revolution */
+    while (run->terminal[index] & REVOLVES && real_fabs(value_of(of->c, of->degree, b) - value_of(of->c, of->degree, a)) > 1) {
+        const real middle = a + (b - a) / R(2);
+        if (sign_of(value_of(of->c, of->degree, middle), 0) == z->before)
+            a = middle;
+        else
+            b = middle;
+    }
+    for (int k = 0; k < 2; k++) {
+        const real theta = k ? b : a;
+        at[k] = theta == 0 ? run->gaps[index] : run->gaps[STEP_PROBES * run->e->sizes.events + index];
+        if (theta == 0 || theta == 1)
+            continue;
+        move_to(run, h, theta);
+        at[k] = continued(run, index, value_of(of->c, of->degree, theta), run->e->gaps[index]);
+    }
+    /* the interpolant differs from the polynomial within the tolerance */
+    if (sign_of(at[1], 0) == z->before)
+        return b;
+    return sign_of(at[0], 0) == z->before ? narrowed(run, h, index, a, at[0], b, at[1]) : a;
+}
+
+static void locate_crossings(struct run *run, real h, long index, const struct course *of, real tolerance) {
+    const real end = run->gaps[STEP_PROBES * run->e->sizes.events + index];
+    struct zeros z = {.c = of->c, .degree = of->degree, .noise = tolerance, .width = 1,
+                      .sign = sign_of(of->c[0], 0), .ends = 1, .last = sign_of(end, 0)};
+    while (next_zero(&z))
+        if (run->directions[index] != z.before)
+            remember(run, h, crossing(run, h, index, of, &z), index, z.before < 0);
+}
+
+static void locate_touches(struct run *run, real h, long index, const struct course *of, real tolerance) {
+    const long n = of->degree;
+    const real noise = R(n) * of->noise;
+    struct zeros z = {.c = of->rate, .degree = n - 1, .noise = noise, .width = 1, .ends = 1};
+    z.sign = sign_of(of->rate[0], run->state->steps ? 0 : noise);
+    z.last = sign_of(of->c[n + 1], 0);
+    while (next_zero(&z)) {
+        const real theta = bisected(of->rate, n - 1, z.from, z.to, z.before);
+        if (real_fabs(value_of(of->c, n, theta)) <= tolerance && run->directions[index] != -z.before)
+            remember(run, h, theta, index, TOUCHES);
+    }
+}
+
+/* Locate the zeros of all events by their polynomials; return whether these are finite. */
+static int locate_zeros(struct run *run, real h) {
+    struct course of;
+    const long events = run->e->sizes.events;
+    for (long i = 0; i < events; i++)
+        if (!follow(run, h, i, &of))
+            return 0;
+    for (long i = 0; i < events; i++) {
+        real b[MOST_COEFFICIENTS], least = REAL_INFINITY, most = 0;
+        int signs = 0;
+        follow(run, h, i, &of);
+        bernstein(of.c, of.degree, 0, 1, b);
+        for (long k = 0; k <= of.degree; k++) {
+            least = real_fmin(least, real_fabs(b[k])), most = real_fmax(most, real_fabs(b[k]));
+            signs |= b[k] < 0 ? 1 : 2;
+        }
+        const real tolerance = real_fmax(of.noise, R(run->task.atol) + R(run->task.rtol) * most);
+        if (signs != 3 && least > tolerance)
+            continue;
+        locate_crossings(run, h, i, &of, tolerance);
+        if (most > tolerance)
+            locate_touches(run, h, i, &of, tolerance);
+    }
+    return 1;
+}
+
 static int any_passes(const struct run *run) {
     long events = run->e->sizes.events;
     for (long i = 0; i < STEP_PROBES * events; i++)
@@ -141,6 +253,22 @@ void begin_events(struct run *run) {
     }
 }
 
+/* Locate events between the probes of the step. */
+static void locate_between_probes(struct run *run, real h, int *prepared) {
+    long events = run->e->sizes.events;
+    probe_events(run, h, 0);
+    for (long i = 0; i < (STEP_PROBES + 1) * events; i++)
+        see(run, i);
+    if (!any_passes(run))
+        return;
+    if (!*prepared)
+        run->scheme.kind->prepare(run, h);
+    *prepared = 1;
+    probe_events(run, h, 1);
+    for (long i = 0; i < events; i++)
+        locate(run, h, i);
+}
+
 void locate_events(struct run *run, real t_new, real h, int *prepared) {
     struct state *s = run->state;
     long events = run->e->sizes.events;
@@ -150,20 +278,8 @@ void locate_events(struct run *run, real t_new, real h, int *prepared) {
     memcpy(run->gaps, run->gaps + STEP_PROBES * events, (size_t)events * sizeof(real));
     look_at_events(run->e, t_new, run->y_new);
     memcpy(run->gaps + STEP_PROBES * events, run->e->gaps, (size_t)events * sizeof(real));
-    probe_events(run, h, 0);
-    for (long i = 0; i < (STEP_PROBES + 1) * events && s->blind < 0; i++)
-        if (!real_isfinite(run->gaps[i])) {
-            s->blind = i % events;
-            s->t_blind = s->t;
-        }
-    if (!any_passes(run))
-        return;
-    if (!*prepared)
-        run->scheme.kind->prepare(run, h);
-    *prepared = 1;
-    probe_events(run, h, 1);
-    for (long i = 0; i < events; i++)
-        locate(run, h, i);
+    if (!(has_polynomials(run) && locate_zeros(run, h)))
+        locate_between_probes(run, h, prepared);
     for (long i = s->events_before; i < s->events; i++)
         if (run->terminal[run->events[i].index] & ENDS_RUN) {
             s->events = i + 1;

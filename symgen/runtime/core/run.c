@@ -495,11 +495,16 @@ static int one_step(struct run *run) {
     return status == MORE && s->ended_by >= 0 ? ENDED : status;
 }
 
+/* The largest number of events of a step. */
+static long most_events(const struct run *run) {
+    return (has_polynomials(run) ? MOST_COEFFICIENTS : STEP_PROBES) * run->e->sizes.events;
+}
+
 int run_advance(struct run *run, long most) {
     int status = MORE;
     for (long k = 0; k < most && status == MORE; k++) {
         if (run->state->passages > MOST_PASSAGES - STEP_PROBES - 1
-            || (run->e->sizes.events && run->state->events > run->task.found - STEP_PROBES * run->e->sizes.events))
+            || (run->e->sizes.events && run->state->events > run->task.found - most_events(run)))
             break;
         status = one_step(run);
     }

@@ -22,6 +22,8 @@ enum { MOST_PASSAGES = 64 };
 /* Evaluations of the distances from switching points per step. */
 enum { SWITCH_PROBES = 16 };
 
+/* In place of a direction: the value touches zero. */
+enum { TOUCHES = -1 };
 /* Properties of an event: it ends the run; its value is an angle, continued over revolutions. */
 enum { ENDS_RUN = 1, REVOLVES = 2 };
 
@@ -36,7 +38,7 @@ struct task {
     long samples;        /* number of times at which the state is recorded */
     long places_only;    /* velocities of samples are not requested: they may remain interpolated, without projection
                             */
-    long found;          /* capacity of the record of events; at least STEP_PROBES of each kind */
+    long found;          /* capacity of the record of events; at least MOST_COEFFICIENTS of each kind */
     long nodes;          /* number of times at which steps end before the end of the run, see run->nodes */
 };
 
@@ -45,8 +47,8 @@ struct task {
 
 struct run;
 
-/* Capacity of the coefficients of a polynomial over a step. */
-enum { MOST_COEFFICIENTS = 64 };
+/* Capacity of the coefficients of a polynomial over a step, and with a rate behind them. */
+enum { MOST_COEFFICIENTS = 64, COEFFICIENTS_AND_RATE };
 /* Capacity of the counts of any method. */
 enum { MOST_COUNTS = 16 };
 /* Most stages of an explicit method. */
@@ -87,7 +89,8 @@ struct kind {
     /* The length of the next step within the tolerance; NULL if the loop finds it by the errors of steps. */
     real (*longest)(const struct run *run);
     /* Write the MOST_COEFFICIENTS at most of value number i of the kernel `events` over a time h from y, by powers of
-       the part of this time; return the degree. NULL without series; only for models with sizes.series_watched. */
+       the part of this time, and behind them its rate at y_new; return the degree. NULL without series; only for models
+       with sizes.series_watched. */
     long (*polynomial)(const struct run *run, long i, real h, real *c);
 };
 
@@ -147,7 +150,7 @@ struct passage {
 /* An event: its number and time; its state is in run->event_states. */
 struct event {
     real t;
-    long index, rising;
+    long index, rising; /* TOUCHES in place of a direction */
 };
 
 struct run {

@@ -4,11 +4,12 @@
  * step. A step that passes a switching point is repeated up to the point, the branch changes there, and the method
  * restarts. If both branches lead back to the point (friction at rest), the motion slides along it, and the run ends.
  *
- * Arguments are evaluated at both ends of a step and at SWITCH_PROBES - 1 instants in between. Unequal spacing avoids
- * aliasing with a periodic load. Two crossings between neighbouring instants are not detected.
+ * A method with power series has the polynomials of the arguments over the step, whose first zero is the switching point.
+ * Otherwise arguments are evaluated at both ends of a step and at SWITCH_PROBES - 1 instants in between. Unequal spacing
+ * avoids aliasing with a periodic load. Two crossings between neighbouring instants are not detected.
  */
 #include "newton.h"
-#include "run.h"
+#include "zeros.h"
 
 #include <string.h>
 
@@ -127,14 +128,12 @@ static real on_the_way(struct run *run, real h, long k, real theta) {
     return run->e->gaps[run->e->sizes.events + k] * *branch_of(run, k);
 }
 
-/* Return the position between probes j - 1 and j at which the interpolant passes a switching point; 2 if it does not.
-   */
-static real passed_at(struct run *run, real h, long k, int j) {
-    long switches = run->e->sizes.switches, index = run->e->sizes.events + k;
-    real start = probe_place(j - 1), a = start, b = probe_place(j), from = run->switch_gaps[(j - 1) * switches + k], to;
-    to = j < SWITCH_PROBES ? on_the_way(run, h, k, b) : run->switch_gaps[j * switches + k];
-    if (j > 1)
-        from = on_the_way(run, h, k, a);
+/* Return the position between two others at which the interpolant passes a switching point; 2 if it does not. */
+static real passed_at(struct run *run, real h, long k, real start, real b) {
+    const long index = run->e->sizes.events + k;
+    real a = start, from, to;
+    to = b < 1 ? on_the_way(run, h, k, b) : distances(run, run->state->t + h, run->y_new)[k] * *branch_of(run, k);
+    from = a > 0 ? on_the_way(run, h, k, a) : distances(run, run->state->t, run->y)[k] * *branch_of(run, k);
     if (!(to < 0))
         return 2;
     /* If the last step ended at the point, the state may leave it and return. */
@@ -164,10 +163,32 @@ static long first_passed(struct run *run, real t_new, real h, real *theta) {
             if (!prepared)
                 run->scheme.kind->prepare(run, h);
             prepared = 1;
-            at = passed_at(run, h, k, j);
+            at = passed_at(run, h, k, probe_place(j - 1), probe_place(j));
             if (at < *theta)
                 *theta = at, first = k;
         }
+    }
+    return first;
+}
+
+/* The same by the polynomials of the distances, if they are finite. */
+static long first_zero(struct run *run, real t_new, real h, real *theta) {
+    const struct sizes *s = &run->e->sizes;
+    long first = -1;
+    *theta = 2;
+    for (long k = 0; k < s->switches; k++) {
+        real c[COEFFICIENTS_AND_RATE], at;
+        struct zeros z = {.c = c, .degree = run->scheme.kind->polynomial(run, s->events + k, h, c), .sign = 1, .width = 1};
+        for (long i = 0; i <= z.degree; i++)
+            c[i] *= *branch_of(run, k);
+        const real reach = reach_of(c, z.degree);
+        if (!real_isfinite(reach))
+            return first_passed(run, t_new, h, theta);
+        if (c[0] >= reach)
+            continue;
+        z.noise = real_fmax(blur(run, k, run->state->t, run->y), R(4 * z.degree) * REAL_EPSILON * reach);
+        if (next_zero(&z) && (at = passed_at(run, h, k, z.from, z.to)) < *theta)
+            *theta = at, first = k;
     }
     return first;
 }
@@ -223,7 +244,7 @@ int end_at_switch(struct run *run, real *t_new, real *h, long *crossed) {
     for (int pass = 0; pass < PASSES; pass++) {
         int status;
         real theta, most = *h;
-        long k = first_passed(run, *t_new, *h, &theta);
+        long k = has_polynomials(run) ? first_zero(run, *t_new, *h, &theta) : first_passed(run, *t_new, *h, &theta);
         if (k < 0)
             return DONE;
         *crossed = k;

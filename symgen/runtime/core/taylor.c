@@ -6,6 +6,7 @@
 #include "arena.h"
 #include "lanes.h"
 #include "run.h"
+#include "zeros.h"
 
 /* The count of a scheme: the order of the series; 0 for the order that the tolerance needs. */
 enum { ORDER };
@@ -72,6 +73,26 @@ static long order_of(const struct run *run) {
     return given > 0 ? given : (long)fmax(LOWEST, fmin(ceil(3 - 0.8 * log(wanted)), HIGHEST));
 }
 
+/* Values of the kernel `events` that are watched for zeros: those of events and of switching points. */
+static long watched(const struct sizes *s) {
+    return s->series_watched ? s->events + s->switches : 0;
+}
+
+/* The part of a step of this length in which the last terms of the watched values are within the tolerance. */
+static real resolved(const struct run *run, const real *rows, long order, real length) {
+    const struct sizes *s = &run->e->sizes;
+    for (long i = 0; i < watched(s); i++) {
+        const real *value = rows + s->series_rows - s->series_watched + i;
+        const real size = real_fabs(value[0]) + length * real_fabs(value[s->series_rows]);
+        for (long k = order - 2; k < order; k++) {
+            const real last = real_fabs(value[k * s->series_rows]) / (R(run->task.atol) + R(run->task.rtol) * size);
+            if (last > 0 && real_isfinite(last))
+                length = real_fmin(length, real_pow(last, R(-1) / R(k)));
+        }
+    }
+    return length;
+}
+
 /* The step whose last terms are within the tolerance: those of two orders, since every other one may vanish. Both may
    vanish, so that `step` compares the accelerations at its end. */
 static real within_tolerance(const struct run *run, const real *rows, const real *y, long order) {
@@ -92,7 +113,7 @@ static real within_tolerance(const struct run *run, const real *rows, const real
         if (places > 0)
             length = real_fmin(length, real_pow(places, R(-1) / R(k)));
     }
-    return length;
+    return resolved(run, rows, order, length);
 }
 
 /* Expand the motion from (t, y) into one of the two series; write dy/dt. */
@@ -157,12 +178,61 @@ static int begin(struct run *run) {
     return expand(run, 0, run->state->t, run->y, run->f);
 }
 
-/* Events and jumps of loads are looked for at probes, whose number in a step is that of shorter steps. */
-static real longest(const struct run *run) {
+static long polynomial(const struct run *run, long i, real h, real *c) {
     const struct taylor x = taylor_of(run);
     const struct sizes *s = &run->e->sizes;
-    const int is_watched = s->events || s->switches || s->windings || (s->turns && !s->series_watched);
-    return x.longest[*x.present] * (is_watched ? R(0.25) : R(1));
+    const long row = s->series_rows, degree = x.order[*x.present] - 1;
+    const real *values = x.rows + row - s->series_watched + i;
+    const real *at_y = values + *x.present * ROWS * row, *at_y_new = values + (1 - *x.present) * ROWS * row;
+    real power = 1;
+    for (long k = 0; k <= degree; k++, power *= h)
+        c[k] = at_y[k * row] * power;
+    c[degree + 1] = at_y_new[row] * h;
+    return degree;
+}
+
+/* The part of a length in which the angles in loads stay within 3/8 of a revolution of their references: beyond a half
+   they are others. */
+static real within_references(const struct run *run, real length) {
+    const struct sizes *s = &run->e->sizes;
+    const real limit = R(2.356194490192344928846982537459627163L);
+    for (long i = 0; i < 2 * s->windings; i++) {
+        real c[COEFFICIENTS_AND_RATE];
+        const int side = i % 2 ? 1 : -1;
+        struct zeros z = {.c = c, .sign = -side, .width = 1, .noise = REAL_EPSILON};
+        z.degree = polynomial(run, s->events + s->switches + i / 2, length, c);
+        c[0] -= references_of_angles(run->e)[i / 2] + R(side) * limit;
+        if (reach_of(c, z.degree) > real_fabs(c[0]) && next_zero(&z))
+            length *= bisected(c, z.degree, z.from, z.to, z.before);
+    }
+    return length;
+}
+
+/* Without polynomials, events, jumps of loads and revolutions are looked for at probes, whose number in a step is that of
+   shorter steps. */
+static real longest(const struct run *run) {
+    const struct sizes *s = &run->e->sizes;
+    const real length = taylor_of(run).longest[*taylor_of(run).present];
+    if (s->series_watched)
+        return within_references(run, length);
+    return length * (s->events || s->switches || s->windings || s->turns ? R(0.25) : R(1));
+}
+
+/* The largest difference over the tolerance between the watched values at y_new and those of the polynomials. */
+static real watched_error(const struct run *run, real h) {
+    const struct taylor x = taylor_of(run);
+    const struct sizes *s = &run->e->sizes;
+    const real *at_y_new = x.rows + (1 - *x.present) * ROWS * s->series_rows + s->series_rows - s->series_watched;
+    real worst = 0;
+    for (long i = 0; i < watched(s); i++) {
+        real c[COEFFICIENTS_AND_RATE];
+        const long degree = polynomial(run, i, h, c);
+        const real size = real_fabs(c[0]) + real_fabs(c[1]), rounding = R(16) * REAL_EPSILON * reach_of(c, degree);
+        const real error = real_fabs(value_of(c, degree, 1) - at_y_new[i]);
+        if (!(i < s->events && run->terminal[i] & REVOLVES)) /* which jumps by revolutions */
+            worst = real_fmax(worst, error / (R(run->task.atol) + R(run->task.rtol) * size + rounding));
+    }
+    return worst;
 }
 
 /* The end is projected and expanded at once: accelerations and power there are compared with those of the series. A
@@ -189,7 +259,7 @@ static int step(struct run *run, real t, real h, real t_new) {
     memset(run->error, 0, (size_t)n * sizeof(real));
     for (long i = n; i < run->dim; i++)
         run->error[i] = R(0.25) * h * (x.at_end[i - n] - run->f_new[i]);
-    const real norm = error_norm(run, h, run->error);
+    const real norm = real_fmax(error_norm(run, h, run->error), watched_error(run, h));
     run->state->norm = norm <= 1 ? 0 : norm;
     return DONE;
 }
@@ -210,17 +280,6 @@ static void prepare(struct run *run, real h) {
 
 static void interpolate(struct run *run, real h, real theta, real *y) {
     evaluate(run, theta * h, y);
-}
-
-static long polynomial(const struct run *run, long i, real h, real *c) {
-    const struct taylor x = taylor_of(run);
-    const struct sizes *s = &run->e->sizes;
-    const long row = s->series_rows, degree = x.order[*x.present] - 1;
-    const real *value = x.rows + *x.present * ROWS * row + row - s->series_watched + i;
-    real power = 1;
-    for (long k = 0; k <= degree; k++, power *= h)
-        c[k] = value[k * row] * power;
-    return degree;
 }
 
 static void accept(struct run *run) {

@@ -2,7 +2,8 @@
  *
  * Angles in loads: an angle is a reference plus the difference from it of least magnitude. The reference is a
  * parameter, 0 outside runs, constant in a step. After a step it is moved within a quarter revolution of the angle.
- * This changes the angle by rounding only, if no step rotates by more than a quarter revolution.
+ * This changes the angle by rounding only, if no step rotates by more than a quarter revolution. Steps of power series
+ * end before an angle is half a revolution away from its reference.
  *
  * Recorded angles of links: from step to step, and from the step's start to a sample in it, an angle is continued by
  * the number of revolutions for which its change is nearest to that of its power series; for a method without one, to
@@ -10,6 +11,7 @@
  * place.
  */
 #include "run.h"
+#include "zeros.h"
 
 #include <string.h>
 
@@ -26,12 +28,12 @@ static const real *links(const struct run *run) {
 /* Return by how much the angle of a link changes from y to the last look a time later: by its polynomial, else about. */
 static real change(const struct run *run, long k, real after) {
     const struct sizes *s = &run->e->sizes;
-    if (!has_polynomials(run) || after == 0)
-        return after * (run->turned[s->turns + k] + links(run)[s->turns + k]) / R(2);
-    real c[MOST_COEFFICIENTS], sum = 0;
-    for (long i = run->scheme.kind->polynomial(run, s->events + s->switches + s->windings + k, after, c); i > 0; i--)
-        sum += c[i];
-    return sum;
+    real c[COEFFICIENTS_AND_RATE], sum = REAL_INFINITY;
+    if (has_polynomials(run) && after != 0) {
+        const long degree = run->scheme.kind->polynomial(run, s->events + s->switches + s->windings + k, after, c);
+        c[0] = 0, sum = value_of(c, degree, 1);
+    }
+    return real_isfinite(sum) ? sum : after * (run->turned[s->turns + k] + links(run)[s->turns + k]) / R(2);
 }
 
 /* Return the angle of a link at the last look, a time after y. */

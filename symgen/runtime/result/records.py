@@ -192,12 +192,13 @@ class Drift:
 class LocatedEvent:
     """An event of the scene, located in a run.
 
-    ``motion`` has positions [m] and velocities [m/s] of the points at its time, as ``Result.final``.
+    ``rising`` is None where its value touches zero. ``motion`` has positions [m] and velocities [m/s] of the
+    points at its time, as ``Result.final``.
     """
 
     name: str
     time: float
-    rising: bool
+    rising: bool | None
     motion: Mapping[str, Mapping[str, Any]] = field(repr=False)
 
 

@@ -41,7 +41,7 @@ def options(name, tight=True):
     return {"method": name, "step": 2e-4 if tight else 1e-2}
 
 
-@pytest.mark.parametrize("name", ["dop853", "dopri5", "rk4"])
+@pytest.mark.parametrize("name", ["dop853", "dopri5", "rk4", "taylor"])
 def test_an_event_is_where_the_motion_says(name):
     model = pendulum({"name": "down", "of": "A.y", "value": "-0.6 m", "direction": "falling"})
     (event,) = model.simulate(0.6, **options(name)).events
@@ -52,7 +52,7 @@ def test_an_event_is_where_the_motion_says(name):
     assert np.hypot(x, y) == pytest.approx(1, abs=1e-15)
 
 
-@pytest.mark.parametrize("name", ["dop853", "dopri5", "rk4"])
+@pytest.mark.parametrize("name", ["dop853", "dopri5", "rk4", "taylor"])
 def test_the_error_of_an_event_is_that_of_the_run(name):
     model = pendulum({"name": "down", "of": "A.y", "value": "-0.6 m"})
     (event,) = model.simulate(0.6, **options(name, tight=False)).events
@@ -95,25 +95,27 @@ def test_a_touch_is_no_event():
 
 
 @pytest.mark.parametrize("of, value", [("A.y", "0 m"), ("A.x", "1 m"), ("A.vy", "0 m/s"), ("t", "0 s")])
-def test_what_holds_at_the_start_is_no_event(of, value):
+@pytest.mark.parametrize("name", ["dop853", "taylor"])
+def test_what_holds_at_the_start_is_no_event(of, value, name):
     model = pendulum({"name": "start", "of": of, "value": value})
-    assert model.simulate(0.3).events == ()
+    assert model.simulate(0.3, method=name).events == ()
 
 
-def test_a_terminal_event_ends_the_run_there():
+@pytest.mark.parametrize("name", ["dop853", "taylor"])
+def test_a_terminal_event_ends_the_run_there(name):
     model = pendulum(
         {"name": "late", "of": "A.y", "value": "-0.61 m"},
         {"name": "stop", "of": "A.y", "value": "-0.6 m", "ends_run": True},
         {"name": "early", "of": "A.y", "value": "-0.59 m"},
     )
-    result = model.simulate(0.6, rtol=1e-9, samples=601)
+    result = model.simulate(0.6, rtol=1e-9, samples=601, method=name)
     assert [e.name for e in result.events] == ["early", "stop"]
     end = fallen(np.arcsin(0.6))
     assert result.statistics["t"] == result.events[-1].time == pytest.approx(end, abs=1e-8)
     assert result.final == result.events[-1].motion
     assert result.time[-1] <= end < result.time[-1] + 1.1e-3
     assert result.notes == (f"the event 'stop' ended the run at t = {end:.9g} s",)
-    whole = pendulum().simulate(0.6, rtol=1e-9, samples=601)
+    whole = pendulum().simulate(0.6, rtol=1e-9, samples=601, method=name)
     count = len(result.time)
     assert np.array_equal(whole.time[:count], result.time)
 
