@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
+import sympy as sp
+
 from symgen.errors import DerivationError
 from symgen.lowering.binding_times import with_setup
 from symgen.lowering.expressions import ZERO, Call, Node, Reference, references, rename
@@ -15,8 +17,8 @@ from symgen.lowering.sparse_ldlt import Factor, factor, solve
 from symgen.lowering.straight_line import Shared, StraightLine
 from symgen.symbolic.system import Export, NamedMatrix, SaddlePoint, System
 
-#: Matrix of the kernel 'events' that has the rates of the one before it.
-RATES = "turn_rates"
+#: Matrices of the kernel 'events': switching points, in rows named after their branches; rates of angles.
+SWITCHES, RATES = "switches", "turn_rates"
 #: Size of ``out`` above which zeros are no stores.
 ALL_ZEROS = 20_000
 
@@ -41,7 +43,10 @@ def lower_system(system: System) -> Program:
     series: list[Kernel] = []
     if point:
         with suppress(DerivationError):  # a function without a recurrence: there are no power series
-            series = lowering.series(point)
+            held = _held(system)
+            series = (lowering if held is system else _Lowering(held, Shared(held, tuple(names)))).series(
+                point
+            )
     kernels = list(with_setup([*kernels, *series], parameters))
     kernels, series = kernels[: len(kernels) - len(series)], kernels[len(kernels) - len(series) :]
     behind = sum(k.out_size for k in kernels if k.name == SETUP)
@@ -57,6 +62,19 @@ def lower_system(system: System) -> Program:
         tolerance_place=place,
         references=system.references,
         left_out=system.left_out,
+    )
+
+
+def _held(system: System) -> System:
+    """Return a system whose loads have branches in place of jumps, as runs hold them: b b = 1."""
+    branches = {name for m in system.matrices if m.name == SWITCHES for name in m.rows}
+    if not branches:
+        return system
+    ones = {x.symbol**2: sp.Integer(1) for x in system.group("p").quantities if x.name in branches}
+    return replace(
+        system,
+        matrices=tuple(replace(m, matrix=m.matrix.xreplace(ones)) for m in system.matrices),
+        definitions=tuple(replace(d, expression=d.expression.xreplace(ones)) for d in system.definitions),
     )
 
 

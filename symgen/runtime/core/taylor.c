@@ -78,16 +78,18 @@ static long watched(const struct sizes *s) {
     return s->series_watched ? s->events + s->switches : 0;
 }
 
-/* The part of a step of this length in which the last terms of the watched values are within the tolerance. */
+/* The part of a step of this length in which the last terms of the watched values are within the tolerance, relative to the
+   value or to its change in the step. */
 static real resolved(const struct run *run, const real *rows, long order, real length) {
     const struct sizes *s = &run->e->sizes;
     for (long i = 0; i < watched(s); i++) {
         const real *value = rows + s->series_rows - s->series_watched + i;
-        const real size = real_fabs(value[0]) + length * real_fabs(value[s->series_rows]);
-        for (long k = order - 2; k < order; k++) {
-            const real last = real_fabs(value[k * s->series_rows]) / (R(run->task.atol) + R(run->task.rtol) * size);
+        const real size = R(run->task.atol) + R(run->task.rtol) * real_fabs(value[0]);
+        const real rate = R(run->task.rtol) * real_fabs(value[s->series_rows]);
+        for (long k = order - 1; k > 1 && k > order - 3; k--) {
+            const real last = real_fabs(value[k * s->series_rows]);
             if (last > 0 && real_isfinite(last))
-                length = real_fmin(length, real_pow(last, R(-1) / R(k)));
+                length = real_fmin(length, real_fmax(real_pow(size / last, R(1) / R(k)), real_pow(rate / last, R(1) / R(k - 1))));
         }
     }
     return length;
