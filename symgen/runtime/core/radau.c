@@ -392,5 +392,5 @@ static int valid(const struct run *run) {
 
 const struct kind radau_kind = {
     "radau", "", "t t_inverse", 0, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept,
-    valid, NULL,
+    valid, NULL, NULL,
 };

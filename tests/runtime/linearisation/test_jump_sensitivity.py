@@ -67,7 +67,7 @@ def built(force, x, v, **more):
     return symgen.build(symgen.Scene(**data))
 
 
-@pytest.mark.parametrize("method", ["dop853", "radau5"])
+@pytest.mark.parametrize("method", ["dop853", "taylor", "radau5"])
 @pytest.mark.parametrize("name", CASES)
 def test_derivatives_pass_jumps_of_loads(name, method):
     force, motion, parameters, (x, v), times = CASES[name]
