@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from copy import deepcopy
 from dataclasses import fields
 from functools import cache, wraps
 from inspect import Parameter, signature
 from types import MethodType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
-from symgen.calls import checked
+from symgen.calls import checked, raise_failure
 from symgen.errors import CapabilityError, ModelError
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -43,12 +43,31 @@ class Verb:
 
 
 def _checked_call(declared: Callable[..., Any], common: bool = False) -> Callable[..., Any]:
+    name, known = declared.__name__, dict[Hashable, _Call]()
+
+    @wraps(declared)
+    def prepare(model: Any, *values: Any, **named: Any) -> _Call:
+        return _prepared(model, declared, values, named, common)
+
+    prepare.__qualname__ = f"Model.{name}"
+    prepare = checked(prepare)
+
     @wraps(declared)
     def call(model: Any, *values: Any, **named: Any) -> Any:
-        return _carry_out(model, declared, values, named, common)
+        types = (*map(type, values), *map(type, named.values()))
+        if not _PLAIN.issuperset(types):
+            return _carry_out(model, name, prepare(model, *values, **named))
+        # Runs of a few steps take less time than the checks.
+        key = type(model._carrier(name)), types, values, *named.items()
+        found = known.get(key)
+        if found is None:
+            found = prepare(model, *values, **named)
+            if len(known) < _MOST_KNOWN:
+                known[key] = found
+        return _carry_out(model, name, found)
 
-    call.__qualname__ = f"Model.{declared.__name__}"
-    return checked(call)
+    call.__qualname__ = f"Model.{name}"
+    return call
 
 
 def with_common_axis(model: Any, name: str) -> Callable[..., Any]:
@@ -67,13 +86,20 @@ else:
     verb = Verb
 
 
-def _carry_out(
+class _Call(NamedTuple):
+    """A checked call: arguments that differ from the defaults, also as a record where the model takes one."""
+
+    arguments: dict[str, Any]
+    record: Any
+
+
+def _prepared(
     model: Any,
     declared: Callable[..., Any],
     values: tuple[Any, ...],
     named: dict[str, Any],
     common: bool,
-) -> Any:
+) -> _Call:
     name, arguments = declared.__name__, dict[str, Any]()
     if values or named:
         defaults = _defaults(declared)
@@ -87,7 +113,20 @@ def _carry_out(
                 f"{name} of {model.name} does not accept {', '.join(refused)}\n"
                 f"  It accepts {', '.join(sorted(known)) or 'no arguments'}."
             )
-    result = _call(getattr(model._carrier(name), f"_{name}"), arguments, common)
+    record = getattr(getattr(model._carrier(name), f"_{name}"), "record", None)
+    if record is None:
+        return _Call(arguments, None)
+    shared = {"common": True} if common and any(f.name == "common" for f in fields(record)) else {}
+    return _Call(arguments, record(**arguments, **shared))
+
+
+def _carry_out(model: Any, name: str, prepared: _Call) -> Any:
+    arguments, record = prepared
+    method = getattr(model._carrier(name), f"_{name}")
+    try:
+        result = method(**arguments) if record is None else method(record)
+    finally:
+        raise_failure()
     if name in _MOVING:
         # The caller may change arrays and states.
         arguments = {n: _kept(v) for n, v in arguments.items() if n not in _OUTSIDE}
@@ -115,19 +154,9 @@ _MOVING = (
 _OUTSIDE = frozenset(("checkpoint", "checkpoint_every", "resume", "progress"))
 
 
-def _call(carried_out: Callable[..., Any], arguments: dict[str, Any], common: bool) -> Any:
-    record = getattr(carried_out, "record", None)
-    if record is None:
-        return carried_out(**arguments)
-    if common and any(f.name == "common" for f in fields(record)):
-        arguments = arguments | {"common": True}
-    return carried_out(record(**arguments) if arguments else _by_default(record))
-
-
-@cache
-def _by_default(record: type) -> Any:
-    """Return the record of a call without arguments, which cannot be changed."""
-    return record()
+#: Types of arguments of which checked calls are remembered, and how many of an analysis.
+_PLAIN = frozenset((float, int, str, bool, type(None)))
+_MOST_KNOWN = 256
 
 
 def accepted(model: Any, name: str) -> frozenset[str]:
