@@ -37,7 +37,7 @@ from symgen.errors import SimulationError
 ERRORS, REQUIRED = (1e-4, 1e-6, 1e-8, 1e-10, 1e-11), (1e-8, 1e-10, 1e-11)
 TOLERANCES = tuple(10.0 ** -(k / 2) for k in range(6, 28))
 #: heyoka compiles for every tolerance.
-HEYOKA = (1e-7, 1e-11, 1e-15)
+HEYOKA = (1e-3, 1e-5, 1e-7, 1e-11, 1e-15)
 #: Factors of the relative tolerance and, over it, the absolute one in the runs of a median.
 VARIED = tuple((10 ** (0.06 * k), 10 ** (-2 - 0.1 * k)) for k in range(-2, 3))
 METHODS, PEER = ("taylor", "dop853"), "heyoka"
