@@ -143,11 +143,13 @@ struct course {
 };
 
 /* Write the course of an event, with the values of `gaps` at both ends and the rates of both series, so that steps join
-   with the same signs. Return whether it is finite. */
+   with the same signs. Return whether it is known. */
 static int follow(struct run *run, real h, long index, struct course *of) {
     const long events = run->e->sizes.events;
     real *c = of->c, *end = run->gaps + STEP_PROBES * events + index;
     const long n = of->degree = run->scheme.kind->polynomial(run, index, h, c);
+    if (n < 0)
+        return 0;
     c[0] = run->gaps[index];
     const real reached = value_of(c, n, 1);
     if (!(real_isfinite(reached) && real_isfinite(*end) && real_isfinite(c[n + 1])))
@@ -211,7 +213,7 @@ static void locate_touches(struct run *run, real h, long index, const struct cou
     }
 }
 
-/* Locate the zeros of all events by their polynomials; return whether these are finite. */
+/* Locate the zeros of all events by their polynomials; return whether these are known. */
 static int locate_zeros(struct run *run, real h) {
     struct course of;
     const long events = run->e->sizes.events;

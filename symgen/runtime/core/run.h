@@ -89,8 +89,8 @@ struct kind {
     /* The length of the next step within the tolerance; NULL if the loop finds it by the errors of steps. */
     real (*longest)(const struct run *run);
     /* Write the MOST_COEFFICIENTS at most of value number i of the kernel `events` over a time h from y, by powers of
-       the part of this time, and behind them its rate at y_new; return the degree. NULL without series; only for models
-       with sizes.series_watched. */
+       the part of this time, and behind them its rate at y_new; return the degree, or -1 if those of an event or of a
+       switching point are not within the tolerance. NULL without series; only for models with sizes.series_watched. */
     long (*polynomial)(const struct run *run, long i, real h, real *c);
 };
 

@@ -171,7 +171,7 @@ static long first_passed(struct run *run, real t_new, real h, real *theta) {
     return first;
 }
 
-/* The same by the polynomials of the distances, if they are finite. */
+/* The same by the polynomials of the distances, if these are known. */
 static long first_zero(struct run *run, real t_new, real h, real *theta) {
     const struct sizes *s = &run->e->sizes;
     long first = -1;
@@ -179,11 +179,11 @@ static long first_zero(struct run *run, real t_new, real h, real *theta) {
     for (long k = 0; k < s->switches; k++) {
         real c[COEFFICIENTS_AND_RATE], at;
         struct zeros z = {.c = c, .degree = run->scheme.kind->polynomial(run, s->events + k, h, c), .sign = 1, .width = 1};
+        if (z.degree < 0)
+            return first_passed(run, t_new, h, theta);
         for (long i = 0; i <= z.degree; i++)
             c[i] *= *branch_of(run, k);
         const real reach = reach_of(c, z.degree);
-        if (!real_isfinite(reach))
-            return first_passed(run, t_new, h, theta);
         if (c[0] >= reach)
             continue;
         z.noise = real_fmax(blur(run, k, run->state->t, run->y), R(4 * z.degree) * REAL_EPSILON * reach);

@@ -11,6 +11,8 @@
 /* The count of a scheme: the order of the series; 0 for the order that the tolerance needs. */
 enum { ORDER };
 enum { LOWEST = 3 };
+/* Steps that values of events and switching points shorten, at most. */
+#define SHORTENED R(1e-3)
 enum { HIGHEST = MOST_COEFFICIENTS };
 /* Rows of coefficients: the kernel writes one more than the order, and there is one of order 0. */
 enum { ROWS = HIGHEST + 3 };
@@ -79,20 +81,23 @@ static long watched(const struct sizes *s) {
 }
 
 /* The part of a step of this length in which the last terms of the watched values are within the tolerance, relative to the
-   value or to its change in the step. */
+   value or to its change in the step; in the shortest, probes take the place of series that end there, as at a kink. */
 static real resolved(const struct run *run, const real *rows, long order, real length) {
     const struct sizes *s = &run->e->sizes;
+    const real least = SHORTENED * length;
     for (long i = 0; i < watched(s); i++) {
         const real *value = rows + s->series_rows - s->series_watched + i;
         const real size = R(run->task.atol) + R(run->task.rtol) * real_fabs(value[0]);
         const real rate = R(run->task.rtol) * real_fabs(value[s->series_rows]);
         for (long k = order - 1; k > 1 && k > order - 3; k--) {
             const real last = real_fabs(value[k * s->series_rows]);
-            if (last > 0 && real_isfinite(last))
+            if (!real_isfinite(last))
+                length = least;
+            else if (last > 0)
                 length = real_fmin(length, real_fmax(real_pow(size / last, R(1) / R(k)), real_pow(rate / last, R(1) / R(k - 1))));
         }
     }
-    return length;
+    return real_fmax(length, least);
 }
 
 /* The step whose last terms are within the tolerance: those of two orders, since every other one may vanish. Both may
@@ -190,7 +195,13 @@ static long polynomial(const struct run *run, long i, real h, real *c) {
     for (long k = 0; k <= degree; k++, power *= h)
         c[k] = at_y[k * row] * power;
     c[degree + 1] = at_y_new[row] * h;
-    return degree;
+    if (i >= watched(s))
+        return degree;
+    const real size = R(run->task.rtol) * (real_fabs(c[0]) + real_fabs(c[1]));
+    const real limit = R(run->task.atol) + size + R(16) * REAL_EPSILON * reach_of(c, degree);
+    const int revolves = i < s->events && run->terminal[i] & REVOLVES; /* its value jumps by revolutions */
+    const int joins = revolves || real_fabs(value_of(c, degree, 1) - at_y_new[0]) <= limit;
+    return joins && real_fabs(c[degree]) <= limit && real_fabs(c[degree - 1]) <= limit ? degree : -1;
 }
 
 /* The part of a length in which the angles in loads stay within 3/8 of a revolution of their references: beyond a half
@@ -220,23 +231,6 @@ static real longest(const struct run *run) {
     return length * (s->events || s->switches || s->windings || s->turns ? R(0.25) : R(1));
 }
 
-/* The largest difference over the tolerance between the watched values at y_new and those of the polynomials. */
-static real watched_error(const struct run *run, real h) {
-    const struct taylor x = taylor_of(run);
-    const struct sizes *s = &run->e->sizes;
-    const real *at_y_new = x.rows + (1 - *x.present) * ROWS * s->series_rows + s->series_rows - s->series_watched;
-    real worst = 0;
-    for (long i = 0; i < watched(s); i++) {
-        real c[COEFFICIENTS_AND_RATE];
-        const long degree = polynomial(run, i, h, c);
-        const real size = real_fabs(c[0]) + real_fabs(c[1]), rounding = R(16) * REAL_EPSILON * reach_of(c, degree);
-        const real error = real_fabs(value_of(c, degree, 1) - at_y_new[i]);
-        if (!(i < s->events && run->terminal[i] & REVOLVES)) /* which jumps by revolutions */
-            worst = real_fmax(worst, error / (R(run->task.atol) + R(run->task.rtol) * size + rounding));
-    }
-    return worst;
-}
-
 /* The end is projected and expanded at once: accelerations and power there are compared with those of the series. A
    part of the difference is the error of a step whose last terms do not show it. */
 static int step(struct run *run, real t, real h, real t_new) {
@@ -261,7 +255,7 @@ static int step(struct run *run, real t, real h, real t_new) {
     memset(run->error, 0, (size_t)n * sizeof(real));
     for (long i = n; i < run->dim; i++)
         run->error[i] = R(0.25) * h * (x.at_end[i - n] - run->f_new[i]);
-    const real norm = real_fmax(error_norm(run, h, run->error), watched_error(run, h));
+    const real norm = error_norm(run, h, run->error);
     run->state->norm = norm <= 1 ? 0 : norm;
     return DONE;
 }

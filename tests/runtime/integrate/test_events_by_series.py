@@ -10,6 +10,7 @@ import pytest
 from shared.linkages import at, ground, rod
 
 import symgen
+from symgen.errors import SimulationError
 
 
 def bar(rate, events, **tables):
@@ -150,3 +151,31 @@ def test_an_event_without_a_recurrence_is_looked_for_at_probes():
     run = model.simulate(1.0, method="taylor", rtol=1e-9)
     exact = [k * np.pi / 3 / 9 for k in range(1, 9) if k % 3]
     assert [e.time for e in run.events] == pytest.approx(exact, abs=1e-8)
+
+
+def test_a_resumed_run_has_the_same_events(tmp_path):
+    """Interrupted after each of some steps, with crossings and touches before and behind."""
+    events = [{"name": "x", "of": "A.x"}, {"name": "far", "of": "A.x", "value": "1 m"}]
+    model = symgen.build(bar(9, events))
+    options = {"method": "taylor", "rtol": 1e-10, "samples": 7}
+    whole = model.simulate(3.0, **options)
+    assert {e.rising for e in whole.events} == {True, False, None}
+    for steps in (1, 5, 9):
+        file = tmp_path / f"after_{steps}"
+        with pytest.raises(SimulationError, match="max_steps"):
+            model.simulate(3.0, checkpoint=file, checkpoint_every=0, max_steps=steps, **options)
+        again = model.simulate(3.0, resume=file, **options)
+        assert again.events == whole.events and again.final == whole.final
+
+
+def test_an_event_with_a_kink_stops_no_steps():
+    """sqrt(1 - x) of a rotor is that of half its angle, without a sign: its series ends at every revolution."""
+    event = {"name": "e", "of": "sqrt(1 - A.x/one)", "value": "0.7"}
+    model = symgen.build(bar(9, [event], parameters={"one": "1 m"}))
+    run = model.simulate(3.0, method="taylor", rtol=1e-10)
+    turn = 2 * np.arcsin(0.7 / np.sqrt(2))
+    angles = np.sort([2 * np.pi * k + side * turn for k in range(5) for side in (-1, 1)])
+    exact = angles[(angles > 0) & (angles < 27)] / 9
+    assert [e.time for e in run.events] == pytest.approx(exact, abs=1e-9)
+    without = symgen.build(bar(9, [])).simulate(3.0, method="taylor", rtol=1e-10)
+    assert run.statistics["steps"] < 4 * without.statistics["steps"]
