@@ -91,3 +91,11 @@ def test_methods(methods):
     )
     rows[1]["survives"] = "no"
     assert not all(line.holds for line in methods.required(rows))
+
+
+def test_methods_of_scipy_solve_the_same_equations(methods):
+    """A method of SciPy is one of two independent ways from the matrices to the strains."""
+    attempts = [methods.Attempt("LSODA", tolerance=1e-4)]
+    (row,) = methods.table([("held", "exact")], attempts)
+    assert row["survives"] == "yes"
+    assert row["error"] < 0.1
