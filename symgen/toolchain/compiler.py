@@ -121,7 +121,7 @@ class Compiler:
         libraries
             Libraries to link with.
         """
-        of_series = OF_SERIES
+        of_series: tuple[str, ...] = OF_SERIES
         if tuple(instead) == DEFAULT and set(VECTORS["native"]) <= set(self.flags):
             instead = _OF_NATIVE
             if platform.machine() in ("x86_64", "AMD64"):
