@@ -171,7 +171,13 @@ static long first_passed(struct run *run, real t_new, real h, real *theta) {
     return first;
 }
 
-/* The same by the polynomials of the distances, if these are known. */
+/* A length of time that the rounding of its ends exceeds. */
+static real instant(const struct run *run, real h) {
+    return R(64) * REAL_EPSILON * real_fmax(h, real_fabs(run->state->t));
+}
+
+/* The same by the polynomials of the distances, if these are known. A distance that an instant covers has no sign: the
+   step may begin just behind its switching point. */
 static long first_zero(struct run *run, real t_new, real h, real *theta) {
     const struct sizes *s = &run->e->sizes;
     long first = -1;
@@ -187,6 +193,7 @@ static long first_zero(struct run *run, real t_new, real h, real *theta) {
         if (c[0] >= reach)
             continue;
         z.noise = real_fmax(blur(run, k, run->state->t, run->y), R(4 * z.degree) * REAL_EPSILON * reach);
+        z.noise = real_fmax(z.noise, R(1.01) * instant(run, h) * real_fabs(c[1]) / h);
         if (next_zero(&z) && (at = passed_at(run, h, k, z.from, z.to)) < *theta)
             *theta = at, first = k;
     }
@@ -248,7 +255,7 @@ int end_at_switch(struct run *run, real *t_new, real *h, long *crossed) {
         if (k < 0)
             return DONE;
         *crossed = k;
-        if (theta * *h <= R(64) * REAL_EPSILON * real_fmax(*h, real_fabs(s->t))) {
+        if (theta * *h <= instant(run, *h)) {
             *h = 0;
             return DONE;
         }

@@ -198,7 +198,8 @@ static long polynomial(const struct run *run, long i, real h, real *c) {
     if (i >= watched(s))
         return degree;
     const real size = R(run->task.rtol) * (real_fabs(c[0]) + real_fabs(c[1]));
-    const real limit = R(run->task.atol) + size + R(16) * REAL_EPSILON * reach_of(c, degree);
+    const real of_time = real_fabs(run->state->t * at_y[row]);
+    const real limit = R(run->task.atol) + size + R(16) * REAL_EPSILON * (reach_of(c, degree) + of_time);
     const int revolves = i < s->events && run->terminal[i] & REVOLVES; /* its value jumps by revolutions */
     const int joins = revolves || real_fabs(value_of(c, degree, 1) - at_y_new[0]) <= limit;
     return joins && real_fabs(c[degree]) <= limit && real_fabs(c[degree - 1]) <= limit ? degree : -1;

@@ -144,6 +144,11 @@ def followed(
             for of, row in zip((t, y, references), rows, strict=True):
                 of.append(row[:count])
         if status == _core.ENDED:
+            if stepper.events[-1][2] is None:
+                raise ModelError(
+                    f"the event that ends the run at t = {stepper.t:.9g} s touches zero: this time has no "
+                    "derivatives\n  End the run at a time (t_end), or by another event."
+                )
             return StoredTrajectory(
                 np.array([stepper.t]), np.zeros(0), np.zeros(0), (), event=stepper.ended_by
             )

@@ -7,6 +7,7 @@ import pytest
 from shared.linkages import at, ground, rod
 
 import symgen
+from symgen.errors import ModelError
 
 
 def on_rail(force, speed=0.0, **tables):
@@ -42,6 +43,29 @@ def test_no_jump_of_a_periodic_force_is_missed(rate):
     assert state(run) == pytest.approx((place, rates[-1]), abs=1e-10)
     assert len(times) - 1 <= run.statistics["steps"] < 2 * len(times) + 10
     assert run.drift.energy < 1e-9
+
+
+@pytest.mark.parametrize("rtol", [1e-12, 1e-9, 1e-6])
+@pytest.mark.parametrize("apart", [1e-13, 1e-12, 1e-9, 1e-5])
+def test_jumps_of_two_forces_at_almost_the_same_times(apart, rtol):
+    """A step that begins just behind a jump does not take it for another one; the velocities are triangular waves."""
+    rate, end = 50.0, 13.0
+    parameters = {"F": "3 N", "G": "1 N", "w": f"{rate} rad/s", "h": f"{apart!r} rad"}
+    model = on_rail("F*sign(sin(w*t)) + G*sign(sin(w*t - h))", parameters=parameters)
+    run = model.simulate(end, samples=2, method="taylor", rtol=rtol)
+
+    def triangle(angle):
+        return np.arccos(np.cos(angle)) / rate
+
+    velocity = 3 * triangle(rate * end) + triangle(rate * end - apart) - triangle(apart)
+    assert state(run)[1] == pytest.approx(velocity, abs=1e-9)
+
+
+def test_the_time_of_a_touch_has_no_derivatives():
+    events = [{"name": "end", "of": "A.x", "value": "-0.5 m", "ends_run": True}]
+    model = on_rail("-k*A.x", parameters={"k": {"value": "50 N/m", "tunable": True}}, events=events)
+    with pytest.raises(ModelError, match="touches zero: this time has no derivatives"):
+        model.sensitivity(["A.position.x"], ["k"], t_end=3.0, method="taylor", rtol=1e-9)
 
 
 def test_a_stop_that_is_reached_and_left_within_a_step():
