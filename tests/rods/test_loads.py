@@ -377,7 +377,7 @@ def test_loads_in_space_are_outputs(across):
 def test_an_output_of_a_load_that_there_is_not():
     scene = pendulum(torques=[{"link": "OA", "torque": "u"}], inputs={"u": "1 N*m"})
     for name, hint in (
-        ("OA.torque", "record torques.0.torque"),
+        ("OA.torque", "are outputs by their number from 0, such as torques.0.torque"),
         ("torque.0.torque", "Did you mean 'torques.0.torque'"),
         ("u", "It acts in torques.0.torque"),
     ):
