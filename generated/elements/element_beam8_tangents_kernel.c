@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_beam8_tangents_equations[65] = "40781d04d4e7dcd393e0d9b7f1a27e07b1dd074b79b04560b36a5f1582835991";
+const char element_beam8_tangents_equations[65] = "0499f712accbf1520020c398219e3877dd6669499e285f7cdb46a56dcfad5d6b";
 
 /* tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 389 operations (122 add, 267 mul, 5 neg) */
 void element_beam8_tangents_mass_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_beam9_equations[65] = "02fcc9f1299862687000e5a3ba37e447ed6b71bdf2dd82d275b8968f87129355";
+const char element_beam9_equations[65] = "de46245b8679179984c1e26ec3bbba982bd0d6cad39ff4fa8f70ff9d378a3d06";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 163 operations (53 add, 110 mul, 6 neg) */
 void element_beam9_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_beam9_tangents_equations[65] = "6b39eba17dc59dc58febf481fbdc2f2fa4ca51f26a2976a72ab6d38c7da0e8b2";
+const char element_beam9_tangents_equations[65] = "1caa90583de9457f08f0aec14adf33598482158b4088bb8f4bd97c0b9a182d04";
 
 /* tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 429 operations (135 add, 294 mul, 6 neg) */
 void element_beam9_tangents_mass_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_cubic_equations[65] = "6076a8164fc51bc0c2aa8bf08b7c13876708f0089bf2d48c5d4cfd1728429d1a";
+const char element_cubic_equations[65] = "b1f777c9fe215f72e40eaa7a3d230d62c611fe52856e457aa424b26472b827af";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 78 operations (26 add, 52 mul, 3 neg) */
 void element_cubic_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

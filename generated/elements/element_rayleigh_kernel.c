@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_rayleigh_equations[65] = "8d39ea2b7435e8ac7041bfeef33c0b2a37a8f9342d4c3315553d7659e7d807f2";
+const char element_rayleigh_equations[65] = "0797caeb36621f24b8b81aee5517281c113ad78200bb6a0f4fe4eff7fdfb0421";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 358 operations (147 add, 210 mul, 1 div, 11 neg) */
 void element_rayleigh_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char rigid_element_equations[65] = "ac290600e52969f85eb5720ba67b1f6c0c3c376eac74a8921d2369068fb418f4";
+const char rigid_element_equations[65] = "b2f344a378555b6d03e378e4cc72e29ce44ebc4f35bffe31a8148865f901b43d";
 
 /* [d] of the forces and moments (F) at both nodes, as they act at the centre of mass: 19 operations (11 add, 8 mul, 6 neg) */
 void rigid_element_nodal_matrix(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

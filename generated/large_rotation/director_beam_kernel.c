@@ -10,7 +10,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char director_beam_equations[65] = "5b432b54f418bb83c17eef5fb7740acaeb13e844cf2e6c59b82c846f8486dc9e";
+const char director_beam_equations[65] = "3aaf6e47b4d257305885414bd7b4ccd82b40ce98d510a8922acda3fbe33299e8";
 
 /* inertia and internal force less gravity: 1185 operations (358 add, 824 mul, 3 div, 12 neg) */
 void director_beam_residual(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

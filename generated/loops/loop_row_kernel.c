@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char loop_row_equations[65] = "0ac0c7469ea6ca1928b7e48d434738ac9aca4740925460ea626b35b3208ecb5c";
+const char loop_row_equations[65] = "5f1812b02920c5dcad2fa3b6c3aecaf1877467c63c92a3bd38dd91cfc8317c62";
 
 /* axes and origin of the frame behind the row: 28 operations (5 add, 17 mul, 1 neg, 6 call) */
 void loop_row_transform(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char peaucellier_equations[65] = "f5646f1e909543b68a69649c83cb98a839b7fe37fd408f850a93964897d23ba8";
+const char peaucellier_equations[65] = "b300f4e2f648d5f4d33b11610a2a73afede1ca4b0bf5557ccbf654fb454e19b0";
 
 /* One over a pivot, or zero where cancellation left nothing of it. */
 static double guarded_inverse(double pivot, double sound, double tolerance)

@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_dyad_equations[65] = "38b6524b8f78a1614ecded6b0d440970534a2ef0cade99d64bbbc6d4dd7e171d";
+const char synthesis_dyad_equations[65] = "f39a0f07239e1fd98dfe3061816a88d6fd7455159240e6f784924da52ed032e7";
 
 /* residual and its derivatives: 69 operations (25 add, 42 mul, 4 neg, 2 call) */
 void synthesis_dyad_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

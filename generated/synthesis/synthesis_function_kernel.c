@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_function_equations[65] = "b1cde23432e1ca0d66c2b8b130699bb939d7e1c1298d733bd49b7595d30b7aee";
+const char synthesis_function_equations[65] = "87a16627f9fe981d7d45e687ceb7b7a086575f280921989a91717bac658dee93";
 
 /* residual and its derivatives: 20 operations (10 add, 4 mul, 2 neg, 6 call) */
 void synthesis_function_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_limits_equations[65] = "2159260e2407eaf9cb5ac74800cb969a919187b0b48351bdaccdfc67b4d2698f";
+const char synthesis_limits_equations[65] = "be495ebd90f8646a18f2119f6b623a1e0371d76ab2a0aeeab08cd855b9f28efe";
 
 /* residual and its derivatives: 97 operations (42 add, 43 mul, 16 neg, 12 call) */
 void synthesis_limits_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

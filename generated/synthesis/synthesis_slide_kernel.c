@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_slide_equations[65] = "8830958f02dda8155bec458f85ee40fa3e886dc475d7e2e5ff6aeb9b2682c338";
+const char synthesis_slide_equations[65] = "d44ac1a118fc4a323cdf0a7c70817ce444db289e3ffb34e030822a68f0ba7db8";
 
 /* residual and its derivatives: 32 operations (12 add, 16 mul, 4 neg, 4 call) */
 void synthesis_slide_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_slider_function_equations[65] = "e88fa80e5785be64cc638784f6f46bb1621c73b9fe7e243d80e5c5f7f0f3ea6b";
+const char synthesis_slider_function_equations[65] = "468e4d108ac1c904141ff2f3b1e4cc30b47d2cb5b14afb75674424402d53351b";
 
 /* residual and its derivatives: 36 operations (11 add, 23 mul, 2 neg, 2 call) */
 void synthesis_slider_function_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_slider_limits_equations[65] = "4ec0173ecce47dc72dd0b3f214df38e566117d5683dc2a273d602e5b1c87bd0c";
+const char synthesis_slider_limits_equations[65] = "b33b3847041b952f1139d18c2e3fcc92f7c388c885baf8fbfa10e0d7d596a42d";
 
 /* residual and its derivatives: 40 operations (21 add, 11 mul, 11 neg, 8 call) */
 void synthesis_slider_limits_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_spherical_dyad_equations[65] = "a727a2fac23300416f6050a4968cc5efb1395ff573691ef105e762024f4fcb51";
+const char synthesis_spherical_dyad_equations[65] = "ad02141a1bf6f0ad91928f0787c3d91a3bd83d118087ccb9805d06508bfe291d";
 
 /* residual and its derivatives: 122 operations (25 add, 87 mul, 10 call) */
 void synthesis_spherical_dyad_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

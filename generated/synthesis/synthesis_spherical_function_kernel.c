@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_spherical_function_equations[65] = "2e673695887d82b6c9d71c82ec6d86345132ac36bd30d92bc7bc122aea7ea9d0";
+const char synthesis_spherical_function_equations[65] = "78b2444a72cf2efdb7cbb7405e453d9e5bd98f8ad854ac7963d10c66ded3f0d1";
 
 /* residual and its derivatives: 28 operations (10 add, 14 mul, 1 neg, 4 call) */
 void synthesis_spherical_function_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -13,7 +13,7 @@ from symgen.codegen.calls import calls_of
 from symgen.codegen.printers import Printer, printer
 from symgen.codegen.rolled import ROLLED, large, rolled
 from symgen.codegen.series import order_view
-from symgen.codegen.source import LOOPS, SERIES, SourceFile
+from symgen.codegen.source import LOOPS, SourceFile
 from symgen.codegen.target import Target
 from symgen.codegen.views import (
     ArrayView,
@@ -62,8 +62,9 @@ INCLUDED = ("numpy/functions.py.j2", "c/body.c.j2")
 #: Number of statements per C file; further kernels go to the next file. The files of a scene are compiled
 #: in parallel.
 STATEMENTS = 400
-#: Maximum number of statements of the solution that is part of the loop over the orders of power series.
-INLINED = 120
+#: Maximum number of statements of the solution that is repeated in the loop over the orders of power series:
+#: numbers are in registers there. Larger ones are called.
+INLINED = 40
 #: Minimum number of consecutive zeros that are stored by a loop.
 ZEROS = 32
 _ZERO = Constant("0")
@@ -72,7 +73,7 @@ _ZERO = Constant("0")
 def equations_hash(program: Program, target: Target) -> str:
     """Return the hash of everything that determines the generated code: program, target and templates."""
     digest = hashlib.sha256()
-    digest.update(repr((program, target.precision, target.lanes, STATEMENTS)).encode())
+    digest.update(repr((program, target.precision, target.lanes, STATEMENTS, INLINED)).encode())
     for template in sorted({*INCLUDED, *(n for files in (*TEMPLATES.values(), LANES) for n, _ in files)}):
         digest.update(_source(template))
     if large(program, target):
@@ -105,9 +106,6 @@ def emit(program: Program, target: Target, equations: str) -> tuple[SourceFile, 
         for i, part in enumerate(parts):
             text = environment().get_template(template).render(unit=part)
             files.append(SourceFile(file.format(program.name, f"_{i + 1}" if i else ""), text))
-    if whole.series and target.language == "c":
-        text = environment().get_template(SERIES_TEMPLATE).render(unit=whole)
-        files.append(SourceFile(f"{program.name}{SERIES}", text))
     loops = tuple(kernel for kernel in whole.kernels if kernel.rolled)
     if loops:
         text = environment().get_template(ROLLED).render(unit=replace(whole, kernels=loops))
@@ -127,7 +125,11 @@ def _parts(whole: UnitView) -> list[UnitView]:
             statements = 0
         parts[-1].append(kernel)
         statements += size
-    return [replace(whole, kernels=tuple(part), first=i == 0) for i, part in enumerate(parts)]
+    last = len(parts) - 1
+    return [
+        replace(whole, kernels=tuple(part), first=i == 0, series=whole.series if i == last else None)
+        for i, part in enumerate(parts)
+    ]
 
 
 def unit_view(program: Program, target: Target, equations: str) -> UnitView:

@@ -14,7 +14,7 @@ def order_view(kernel: SeriesKernel, c_type: str, prints: Printer) -> OrderView:
 
     def statement(a: Assignment) -> SeriesStatement | LoopOverOrders:
         if isinstance(a.value, Call) and a.value.function in LOOPS:
-            first, second, count = map(prints, a.value.arguments)
+            first, second, count = (int(prints(x)) for x in a.value.arguments)
             return LoopOverOrders(a.value.function, a.target, first, second, count)
         declared = "" if "[" in a.target else f"const {c_type} "
         return SeriesStatement(a.target, prints(a.value), declared)

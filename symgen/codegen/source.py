@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 #: Ending of the name of a C file with kernels as loops.
 LOOPS = "_rolled.c"
-#: Ending of the name of a C file with kernels of power series.
-SERIES = "_series.c"
 
 
 @dataclass(frozen=True, slots=True)

@@ -108,9 +108,9 @@ class LoopOverOrders:
 
     kind: str
     name: str
-    first: str
-    second: str
-    count: str
+    first: int
+    second: int
+    count: int
     loop: bool = True
 
 
@@ -131,8 +131,8 @@ class OrderView:
 class SeriesView:
     """The function of all orders as used by the template.
 
-    ``solve`` is the view of the kernel of the solution if it is part of the loop over the orders, else None.
-    ``power`` is 1 if the power of loads is integrated, else 0; ``watched`` counts other quantities.
+    ``power`` is 1 if the power of loads is integrated, else 0; ``watched`` counts other quantities. ``solve``
+    is the view of the kernel of the solution if it is repeated in the loop over the orders, else None.
     """
 
     name: str

@@ -36,8 +36,6 @@ OF_OPTIMISED = ("-O1",)
 #: Instead of ``-Og`` for batches of states: SIMD lanes call functions in loops, which need inlining, and
 #: a square root is a single instruction only if it need not set errno.
 OF_LANES = ("-O3", "-fno-math-errno")
-#: Instead of ``-Og`` for power series: loops over numbers side by side, several in one instruction.
-OF_SERIES = ("-O1", "-ftree-vectorize", "-fpeel-loops")
 #: Instead of ``-Og`` for the core of runs, which consists of loops. ``-O2`` compiles in one and a half times
 #: the time, and saves at most 7 % of a run.
 OF_CORE = ("-O1",)
@@ -46,8 +44,6 @@ CONTRACTIONS = {"off": "-ffp-contract=off", "fast": "-ffp-contract=fast"}
 VECTORS = {"none": (), "native": ("-march=native",)}
 #: Instead of ``-Og`` for a specific processor: there a longer compilation pays off.
 _OF_NATIVE = ("-O2", "-fno-semantic-interposition", "-finline-functions", "-finline-limit=10000")
-#: Besides ``OF_SERIES``, for a specific processor of x86: most of those loops are shorter than its registers.
-_OF_NATIVE_SERIES = ("-mprefer-vector-width=128",)
 #: What flags that choose a processor begin with.
 _TUNED = ("-march", "-mtune", "-mcpu")
 #: Time limit [s] for compiling or linking one file.
@@ -103,7 +99,6 @@ class Compiler:
         sources: Sequence[Path],
         library: Path,
         instead: Sequence[str] = DEFAULT,
-        of_vectors: Sequence[Path] = (),
         libraries: Sequence[str] = ("m",),
     ) -> Compilation:
         """Start compiling C sources in parallel to a shared library.
@@ -116,21 +111,15 @@ class Compiler:
             Path of the library.
         instead
             Flags that replace ``-Og``, unless the user has set flags.
-        of_vectors
-            Sources that ``OF_SERIES`` replaces it for.
         libraries
             Libraries to link with.
         """
-        of_series: tuple[str, ...] = OF_SERIES
         if tuple(instead) == DEFAULT and set(VECTORS["native"]) <= set(self.flags):
             instead = _OF_NATIVE
-            if platform.machine() in ("x86_64", "AMD64"):
-                of_series += _OF_NATIVE_SERIES
         with ExitStack() as opened:
             running = []
             for source in sources:
-                of_file = of_series if source in of_vectors and tuple(instead) != OF_LANES else instead
-                flags = [flag for f in self.flags for flag in (of_file if f == "-Og" else (f,))]
+                flags = [flag for f in self.flags for flag in (instead if f == "-Og" else (f,))]
                 object_file = source.with_suffix(".o")
                 command = [*self.command, *flags, "-fPIC", "-c", str(source), "-o", str(object_file)]
                 running.append((started(command, opened), object_file))

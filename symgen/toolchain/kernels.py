@@ -118,7 +118,7 @@ class BuildSettings:
         self, program: Program, sources: tuple[SourceFile, ...], folder: Path, lanes: bool = False
     ) -> AbstractContextManager[Compilation | None]:
         """Write the sources and start compiling those in C; the context ends the compiler on exit."""
-        from symgen.codegen.source import LOOPS, SERIES
+        from symgen.codegen.source import LOOPS
 
         try:
             for source in sources:
@@ -128,10 +128,10 @@ class BuildSettings:
         if self.compiler is None:
             return nullcontext()
         in_c = [folder / s.name for s in sources if s.name.endswith(".c")]
-        optimised = program.calls_functions or any(file.name.endswith(LOOPS) for file in in_c)
+        functions = program.calls_functions and self.vector != "native"  # where DEFAULT stands for more
+        optimised = functions or any(file.name.endswith(LOOPS) for file in in_c)
         instead = OF_LANES if lanes else OF_OPTIMISED if optimised else DEFAULT
-        series = [file for file in in_c if file.name.endswith(SERIES)]
-        return self.compiler.start(in_c, folder / _LIBRARY, instead, series, self.precision.libraries)
+        return self.compiler.start(in_c, folder / _LIBRARY, instead, self.precision.libraries)
 
     def built(
         self,
