@@ -39,7 +39,7 @@ EVERY = 10.0
 
 
 #: Options that the numbers of a run do not depend on.
-_OF_NO_RUN = ("method", "max_steps")
+_OF_NO_RUN = ("method", "max_steps", "otherwise")
 
 
 def mark_of(

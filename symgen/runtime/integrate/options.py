@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
@@ -31,6 +31,8 @@ _DEFAULT = 1000.0
 _RTOL = 1e-9
 #: Default absolute tolerance [m, m/s], over the relative one.
 _ATOL = 1e-3
+#: Largest relative tolerance at which power series are the default: measured, see docs/integrators.md.
+SERIES_RTOL = 1e-10
 
 
 def end_of_scene(t_end: float) -> float:
@@ -45,7 +47,7 @@ def end_of_scene(t_end: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How to run: checked by :func:`options`."""
+    """How to run: checked by :func:`options`; ``otherwise`` is the way if the method, a default, cannot."""
 
     method: Integrator
     t_end: float
@@ -58,6 +60,7 @@ class Options:
     rate: float = 0.0
     max_drift: float = np.inf
     max_step: float = 0.0
+    otherwise: Options | None = None
 
 
 #: Rate [1/s] of Baumgarte's terms when none is given: errors of constraints fall to a tenth in 0.4 s.
@@ -92,8 +95,11 @@ def _options(
     precision: Precision = FLOAT64,
     *,
     max_step: float | None = None,
+    series: bool = False,
 ) -> Options:
     """Check the options of a run in a precision and fill in the defaults.
+
+    ``series`` tells whether the motion has power series, which are then the default for small tolerances.
 
     Raises
     ------
@@ -127,7 +133,10 @@ def _options(
         raise ModelError("max_step limits the steps of methods that choose their own: give a smaller step")
     if chosen.adaptive and step is None:
         rtol, atol = _tolerances(rtol, atol, precision)
-        return Options(chosen, t_end, rtol, atol, 0.0, samples, max_steps, *constraint_options)
+        found = Options(chosen, t_end, rtol, atol, 0.0, samples, max_steps, *constraint_options)
+        if method is None and series and rtol <= SERIES_RTOL and stabilisation == "projection":
+            return replace(found, method=integrator("taylor"), otherwise=found)
+        return found
     if rtol is not None or atol is not None:
         if chosen.adaptive:
             raise ModelError(

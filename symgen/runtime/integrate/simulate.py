@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from symgen.errors import ModelError, SimulationError
+from symgen.errors import ModelError, ResultError, SimulationError
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.checkpoint import CheckpointOptions, Checkpoints, RunCheckpoints, mark_of
@@ -64,6 +65,7 @@ def run(
     ``typed`` are kernels in the type to integrate in, those of the evaluator when absent; ``tangent`` the
     kernels of the analysis of that name, for methods that need it; ``t_eval`` the times to record instead of
     equally spaced ones. ``given`` is the state of the caller that y is of, which may violate the constraints.
+    A run by a default method that cannot continue is made anew by the method that is chosen ``otherwise``.
 
     Raises
     ------
@@ -71,6 +73,10 @@ def run(
         If the run cannot continue, naming time and cause; the error carries the samples recorded till then.
     """
     check_end(t0, chosen)
+
+    def anew(way: Options, keeping: CheckpointOptions | None) -> Result:
+        return run(evaluator, t0, y, redundant, way, progress, typed, keeping, tangent, t_eval, given)
+
     allowed = slack(evaluator, y[: len(y) // 2]) if redundant else np.inf
     if redundant and typed is not None:
         allowed = typed.precision.coarsened(allowed)
@@ -97,8 +103,15 @@ def run(
     if keeping is not None:
         more = (*events, np.asarray(t_eval).tolist()) if t_eval is not None else events
         mark = mark_of(evaluator, library, equations, chosen, t0, y0, *more)
-        checkpoints = RunCheckpoints(stepper, mark, keeping)
+        try:
+            checkpoints = RunCheckpoints(stepper, mark, keeping)
+        except ResultError:  # it may be of the other method
+            if chosen.otherwise:
+                return anew(chosen.otherwise, keeping)
+            raise
     status, wall = drive(stepper, t0, chosen, progress, checkpoints)
+    if chosen.otherwise and status not in (_core.DONE, _core.ENDED, OUT_OF_TIME, _core.DRIFTED):
+        return anew(chosen.otherwise, keeping and replace(keeping, resume=None))
     if evaluator.description.switches or evaluator.description.windings:
         # Samples are evaluated with the loads' own branches.
         equations.set_parameters(evaluator.parameter_values)

@@ -68,8 +68,10 @@ class RunArguments(Checkpointed):
     max_step: float | None = None
     state: State | None = None
 
-    def options(self, end: float, precision: Precision, rate: float | None = None) -> Options:
-        """Return the checked options of a run of a scene that ends at a time [s]."""
+    def options(
+        self, end: float, precision: Precision, rate: float | None = None, series: bool = False
+    ) -> Options:
+        """Return the checked options of a run of a scene that ends at a time [s] and may have series."""
         return options(
             end_of_scene(end) if self.t_end is None else self.t_end,
             self.method,
@@ -83,6 +85,7 @@ class RunArguments(Checkpointed):
             self.max_drift,
             precision,
             max_step=self.max_step,
+            series=series,
         )
 
 

@@ -19,6 +19,8 @@ from symgen.runtime.integrate.pace import limited
 from symgen.runtime.integrate.redundancy import SelfStress
 from symgen.runtime.integrate.simulate import run
 from symgen.runtime.kernels.arguments import real
+from symgen.runtime.kernels.library import SERIES
+from symgen.runtime.kernels.typed import library_of_runs
 from symgen.runtime.model.arguments import LinkageDerivatives, LinkageForces, LinkageRun, takes
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.result.result import Result
@@ -383,7 +385,8 @@ class RodModel(LinkageModel):
 
     @takes(LinkageRun)
     def _simulate(self, request: LinkageRun) -> Result:
-        chosen = request.options(self.description.t_end, self._type, request.stabilisation_rate)
+        series = SERIES in library_of_runs(self.evaluator.library, self.number_type).addresses
+        chosen = request.options(self.description.t_end, self._type, request.stabilisation_rate, series)
         keeping = request.keeping()
         with limited(request.max_wall):
             tangent = self.analysis("tangent", stepping=True) if chosen.method.needs_tangent else None

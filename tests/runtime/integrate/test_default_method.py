@@ -1,0 +1,80 @@
+"""The method of a run when none is given: by tolerance and scene, and another one where the first cannot continue."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import symgen
+from symgen.errors import SimulationError
+
+
+def method_of(model, **options):
+    return model.simulate(**options).provenance["method"]
+
+
+@pytest.mark.parametrize(
+    ("options", "method"),
+    [
+        ({}, "dop853"),
+        ({"rtol": 1e-9}, "dop853"),
+        ({"rtol": 1e-10}, "taylor"),
+        ({"rtol": 1e-12, "max_step": 0.01}, "taylor"),
+        ({"rtol": 1e-12, "stabilisation": "baumgarte"}, "dop853"),
+        ({"rtol": 1e-12, "method": "dop853"}, "dop853"),
+        ({"step": 1e-3}, "rk4"),
+    ],
+)
+def test_by_tolerance(options, method):
+    assert method_of(symgen.build("four_bar"), **options) == method
+
+
+def test_only_compiled_kernels_have_series():
+    assert method_of(symgen.build("four_bar", backend="numpy"), rtol=1e-10) == "dop853"
+
+
+def test_digits_of_float128():
+    """The coefficients of dop853 are doubles: its error in float128 stays above 1e-13."""
+    model = symgen.build("four_bar", precision="float128")
+    result = model.simulate(t_end=0.5, rtol=1e-26, samples=2)
+    assert result.provenance["method"] == "taylor"
+    assert result.drift.energy < 1e-24  # [J], of about 1 J
+
+
+@pytest.mark.parametrize("scene", ["peaucellier_limit", "two_four_bars"])
+def test_another_method_where_series_end(scene):
+    """Near a loss of rank; the numbers are those of the other method."""
+    model, rtol = symgen.build(scene), 1e-12
+    with pytest.raises(SimulationError, match="try dop853"):
+        model.simulate(method="taylor", rtol=rtol)
+    found, other = model.simulate(rtol=rtol), model.simulate(method="dop853", rtol=rtol)
+    assert found.provenance["method"] == "dop853"
+    assert found.statistics["steps"] == other.statistics["steps"]
+    assert [v.values.tobytes() for v in found.variables] == [v.values.tobytes() for v in other.variables]
+
+
+def test_neither_method_reaches_the_end():
+    model = symgen.build("peaucellier_limit")
+    with pytest.raises(SimulationError) as failed:
+        model.simulate(rtol=1e-12, max_steps=20)
+    with pytest.raises(SimulationError) as other:
+        model.simulate(method="dop853", rtol=1e-12, max_steps=20)
+    assert str(failed.value) == str(other.value)
+
+
+@pytest.mark.parametrize("scene", ["four_bar", "parallelogram"])
+def test_resumed(scene, tmp_path):
+    """By the method of the checkpoint: parallelogram leaves its power series after 68 steps."""
+    model, file, options = symgen.build(scene), tmp_path / "kept", {"rtol": 1e-12, "t_end": 200.0}
+
+    def interrupt(part):
+        if part > 0.3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt, match="--resume .*kept continues it"):
+        model.simulate(**options, checkpoint=file, checkpoint_every=1e9, progress=interrupt)
+    found, whole = model.simulate(**options, resume=file), model.simulate(**options)
+    assert found.provenance["method"] == whole.provenance["method"]
+    assert all(
+        np.array_equal(a.values, b.values) for a, b in zip(found.variables, whole.variables, strict=True)
+    )
