@@ -42,6 +42,8 @@ from symgen.runtime.result.state import State
 MOST_STEPS = 1_000_000
 #: Steps whose states are noted in one call.
 _CHUNK = 4096
+#: Relative change of derivatives by halved steps, over the tolerance of the run, and its largest value.
+_CHANGE, _LARGEST_CHANGE = 1e4, 1e-2
 
 
 def follow(
@@ -158,6 +160,39 @@ def followed(
         step = step if not chosen.rtol and not chosen.atol else 0.0
         ends.append(sum(map(len, t)) - 1)
     return StoredTrajectory(np.concatenate(t), np.concatenate(y), np.concatenate(references), tuple(ends))
+
+
+def halved(
+    path: StoredTrajectory,
+    again: Callable[[Options], StoredTrajectory],
+    tangents: Callable[[State, Array], Tangents],
+    steps: StepTangents,
+    coordinates: Sequence[str],
+    chosen: Options,
+) -> StoredTrajectory:
+    """Return the path of a run by implicit steps whose longest are halved till they resolve motions about it.
+
+    Where a motion is at rest or uniform, steps of the method's own choice grow as long as the run. They
+    resolve motions about it if the derivatives by the start values of the coordinates, and of their rates,
+    hardly change with steps of half the length. ``again`` carries out the run with other options.
+    """
+    if not (steps.states and chosen.rtol and coordinates):
+        return path
+    by = [*coordinates, *(f"{name}'" for name in coordinates)]
+    first = np.vstack(moved_pose(tangents(state_of(path, 0), path.references[0]), by, coordinates))
+    along, limit = steps.along(by), min(_CHANGE * chosen.rtol, _LARGEST_CHANGE)
+
+    def at_ends(of: StoredTrajectory) -> Array:
+        moved = [x for x, _ in carried_forward(of, along, first)[0]]
+        return np.reshape(moved, (len(of.ends), 2, -1))  # of coordinates and rates
+
+    before, change = at_ends(path), np.inf
+    while change > limit:
+        path = again(replace(chosen, max_step=float(np.max(np.diff(path.t))) / 2))
+        after = at_ends(path)
+        change = np.max(np.linalg.norm(after - before, axis=-1) / np.linalg.norm(after, axis=-1))
+        before = after
+    return path
 
 
 def at_run(

@@ -216,7 +216,7 @@ def test_a_pendulum_has_the_derivatives_of_its_elliptic_function(method):
     assert abs(m) < 1e-9
 
 
-@pytest.mark.parametrize("method", ["dop853", "dopri5", "taylor"])
+@pytest.mark.parametrize("method", ["dop853", "dopri5", "taylor", "radau5"])
 def test_motions_about_rest_are_resolved(method):
     """Of a rod that hangs at rest, with steps as long as the run: w^2 = 3 g/(2 l)."""
     scene = symgen.Scene(

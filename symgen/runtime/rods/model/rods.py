@@ -30,7 +30,9 @@ from symgen.runtime.rods.start import Start, start
 
 if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
+    from symgen.runtime.integrate.options import Options
     from symgen.runtime.linearisation.record import Linearisation, Sensitivity
+    from symgen.runtime.linearisation.steps import StoredTrajectory
     from symgen.runtime.linearisation.tangents import LinkageTangents
     from symgen.runtime.result.equilibrium import Equilibrium, Modes
     from symgen.runtime.result.forces import Forces
@@ -337,20 +339,24 @@ class RodModel(LinkageModel):
         start: State,
     ) -> Sensitivity:
         """Return derivatives along a run; ``names`` are the outputs of the kernels ``sensitivity``."""
-        from symgen.runtime.linearisation.runs import at_run, follow
+        from symgen.runtime.linearisation.runs import at_run, follow, halved
         from symgen.runtime.linearisation.steps import LinkageSteps, resolved
 
         times, chosen = request.run()
         tangent = self.analysis("tangent") if chosen.method.needs_tangent else None
         kernels = self.counting(start).evaluator
-        path = follow(kernels, tangent, len(self.redundant), start, chosen, times)
+
+        def followed(chosen: Options) -> StoredTrajectory:
+            return follow(kernels, tangent, len(self.redundant), start, chosen, times)
 
         def tangents(state: State, references: Array) -> LinkageTangents:
             return self._holding(references)._tangents(state, names, "sensitivity")
 
-        kernels = self.analysis("variation", outputs=tuple(request.integrals))
-        steps = LinkageSteps(self.evaluator, kernels, len(self.redundant), chosen.method)
-        return at_run(resolved(path, steps, chosen), tangents, steps, outputs, by, request.coordinates)
+        variation = self.analysis("variation", outputs=tuple(request.integrals))
+        steps = LinkageSteps(self.evaluator, variation, len(self.redundant), chosen.method)
+        path = resolved(followed(chosen), steps, chosen)
+        path = halved(path, followed, tangents, steps, request.coordinates, chosen)
+        return at_run(path, tangents, steps, outputs, by, request.coordinates)
 
     @takes(LinkageForces)
     def _inverse_dynamics(self, request: LinkageForces) -> Forces:
