@@ -53,6 +53,8 @@ from symgen.lowering.series import (
     unit,
 )
 
+#: Statements from which on compilation takes more time than a run by power series saves.
+MOST = 1000
 #: Rows of coefficients in a kernel: of the present order k, also after the solution; of the next two; of k or
 #: k + 1.
 AT, AFTER, NEXT, FAR, ROW = "at", "after", "next", "far", "row"
@@ -120,7 +122,7 @@ def lower_series(e: EquationsOfMotion) -> list[SeriesKernel]:
     Raises
     ------
     DerivationError
-        For a function without a recurrence.
+        For a function without a recurrence, and more than ``MOST`` statements.
     """
     n, terms = e.n, Terms(e.values, e.n)
     squares = {i: x for i, phi in e.constraints.items() if terms.quadratic(x := terms.of(phi))}
@@ -153,6 +155,8 @@ def lower_series(e: EquationsOfMotion) -> list[SeriesKernel]:
         about = "coefficient of the power of loads without potential" if powers else "coefficient"
         about += (" and" if powers else "") + " of what a run watches" if watched else ""
         kernels.append(_kernel("along", about, writer.statements, along, rows, e, *counts))
+    if sum(len(kernel.assignments) for kernel in kernels) > MOST:
+        raise DerivationError("the motion has too many terms for power series")
     return kernels
 
 

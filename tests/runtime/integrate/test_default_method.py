@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import symgen
-from symgen.errors import SimulationError
+from symgen.errors import ModelError, SimulationError
 
 
 def method_of(model, **options):
@@ -31,6 +31,17 @@ def test_by_tolerance(options, method):
 
 def test_only_compiled_kernels_have_series():
     assert method_of(symgen.build("four_bar", backend="numpy"), rtol=1e-10) == "dop853"
+
+
+def test_no_series_of_many_rods():
+    """Their compilation would take longer than that of all other kernels."""
+    ground = {"at": ["0 m", "0 m"], "ground": True}
+    points = {"P0": ground, **{f"P{i}": {"at": [f"{i} m", "0 m"]} for i in range(1, 202)}}
+    links = {f"r{i}": {"points": [f"P{i}", f"P{i + 1}"], "mass": "1 kg"} for i in range(201)}
+    model, options = symgen.build(symgen.Scene(points=points, links=links)), {"t_end": 1e-3, "rtol": 1e-10}
+    assert method_of(model, **options) == "dop853"
+    with pytest.raises(ModelError, match="fewer than about 100 rods"):
+        model.simulate(method="taylor", **options)
 
 
 def test_digits_of_float128():
