@@ -32,7 +32,7 @@ def test_json_is_one_object_and_nothing_else():
     )
     assert done.stderr == ""
     run = json.loads(done.stdout)
-    assert run["scene"] == "peaucellier" and run["method"] == "dop853"
+    assert run["scene"] == "peaucellier" and run["method"] == "taylor"
     assert run["final"]["C"]["position"] == pytest.approx([0.06, 0.0012604868770946], abs=1e-11)
     assert set(run["final"]) == set("OABCDE")
     assert run["drift"]["constraint"] < 1e-13
