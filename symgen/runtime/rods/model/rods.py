@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -30,9 +30,7 @@ from symgen.runtime.rods.start import Start, start
 
 if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
-    from symgen.runtime.integrate.options import Options
     from symgen.runtime.linearisation.record import Linearisation, Sensitivity
-    from symgen.runtime.linearisation.steps import StoredTrajectory
     from symgen.runtime.linearisation.tangents import LinkageTangents
     from symgen.runtime.result.equilibrium import Equilibrium, Modes
     from symgen.runtime.result.forces import Forces
@@ -345,9 +343,7 @@ class RodModel(LinkageModel):
         times, chosen = request.run()
         tangent = self.analysis("tangent") if chosen.method.needs_tangent else None
         kernels = self.counting(start).evaluator
-
-        def followed(chosen: Options) -> StoredTrajectory:
-            return follow(kernels, tangent, len(self.redundant), start, chosen, times)
+        followed = partial(follow, kernels, tangent, len(self.redundant), start, times=times)
 
         def tangents(state: State, references: Array) -> LinkageTangents:
             return self._holding(references)._tangents(state, names, "sensitivity")
