@@ -9,6 +9,8 @@ is given the minimal equations, and chains also in the coordinates of symgen's S
 and the end is read, and its compilation is not timed. Free spatial loops have no power series in symgen and
 are left out. Compilation and code size are those of all shipped scenes, with and without power series.
 
+Many runs in one call are compared by the time to an error of all of them: see ``taylor_lanes.py``.
+
 ``--short`` measures three tolerances of three motions without heyoka.
 """
 
@@ -31,6 +33,7 @@ from fronts import time_at
 from harness import Case, Measurement, Required, arguments, measure, report_repeats
 from taylor_cases import Case as Motion
 from taylor_cases import cases, of_digits
+from taylor_lanes import measured_in_lanes
 
 import symgen
 from symgen.errors import SimulationError
@@ -186,7 +189,9 @@ def measured(*, short: bool) -> Measurement:
             lines.append(against_exudyn(rounds))
         except ImportError as error:
             missing.append(f"Exudyn could not be run: {error}; 'pip install exudyn' (the extra 'peers')")
-    rows = [
+    rows, in_lanes = measured_in_lanes(rounds)
+    lines.append(in_lanes)
+    rows += [
         {
             "motion": s.motion,
             "program": s.program,

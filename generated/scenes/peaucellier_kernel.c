@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char peaucellier_equations[65] = "b300f4e2f648d5f4d33b11610a2a73afede1ca4b0bf5557ccbf654fb454e19b0";
+const char peaucellier_equations[65] = "469a4c237411db021d1d2b8ed5f1291a55cca50af9759bd4e3833500d40230ce";
 
 /* One over a pivot, or zero where cancellation left nothing of it. */
 static double guarded_inverse(double pivot, double sound, double tolerance)

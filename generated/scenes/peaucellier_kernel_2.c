@@ -337,7 +337,7 @@ typedef double two __attribute__((vector_size(2*sizeof(double)), aligned(sizeof(
 #define TWICE(s) s += s
 #define STORE(s, to) *(two *)(to) = s
 #else
-#define ZERO(s) double s##_0 = 0, s##_1 = 0
+#define ZERO(s) double s##_0 = {0}, s##_1 = {0}
 #define ADD(s, a, b) s##_0 += (a)[0]*(b)[0], s##_1 += (a)[1]*(b)[1]
 #define TWICE(s) s##_0 += s##_0, s##_1 += s##_1
 #define STORE(s, to) (to)[0] = s##_0, (to)[1] = s##_1
@@ -355,8 +355,8 @@ void peaucellier_series(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RE
     for (long k = 0; k < orders; k++) {
         double *const at = rows + k*ROWS, *const next = at + ROWS, *const far = next + ROWS;
         const double *const origin_row = k == 0 ? zero_row : rows;
-        const double first = k == 0, order = (double)k, rate = order + 1, ahead = rate*(order + 2), by = 1/ahead;
-        const double per = k == 0 ? 0 : 1/order, time = k == 0 ? t[0] : (double)(k == 1);
+        const double order = (double)k, rate = order + 1, ahead = rate*(order + 2), by = 1/ahead, per = k == 0 ? 0 : 1/order;
+        const double first = k == 0, time = k == 0 ? t[0] : k == 1;
         (void)origin_row, (void)first, (void)per, (void)time;
         for (double *row = k == 0 ? at : next;; row = next) {
             const double origin = row == rows;

@@ -6,10 +6,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
 
-from symgen.codegen.printers import C_FUNCTIONS, Printer
+from symgen.codegen.printers import C_FUNCTIONS, LANE_FUNCTIONS, Printer
 from symgen.lowering.expressions import Call, Node, calls, children, references
 from symgen.lowering.kernel import Kernel
 from symgen.precision import Precision
+
+#: Functions of the C library with two arguments.
+_OF_TWO = ("atan2", "pow", "fmax")
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +38,15 @@ def calls_of(kernel: Kernel, precision: Precision) -> tuple[CallView, ...]:
         CallView(name, one.name(name), arguments, arguments == 1 and name not in changing)
         for name, arguments in sorted(functions.items())
     )
+
+
+def calls_of_series(kernels: Iterable[Kernel], precision: Precision) -> tuple[CallView, ...]:
+    """Return the functions of the C library that kernels of power series call, by name."""
+    one, names = Printer(C_FUNCTIONS, precision), set[str]()
+    for kernel in kernels:
+        names |= calls([*(a.value for a in kernel.assignments), *(s.value for s in kernel.stores)]).keys()
+    library = {name.removeprefix("series_") for name in names} & LANE_FUNCTIONS.keys()
+    return tuple(CallView(f, one.name(f), 2 if f in _OF_TWO else 1, False) for f in sorted(library))
 
 
 def _of_states(kernel: Kernel, values: Sequence[Node]) -> set[str]:

@@ -9,7 +9,7 @@ from functools import lru_cache
 from itertools import groupby
 from typing import Any
 
-from symgen.codegen.calls import calls_of
+from symgen.codegen.calls import calls_of, calls_of_series
 from symgen.codegen.printers import Printer, printer
 from symgen.codegen.rolled import ROLLED, large, rolled
 from symgen.codegen.series import order_view
@@ -158,9 +158,9 @@ def unit_view(program: Program, target: Target, equations: str) -> UnitView:
         ),
         references=program.references,
         kernels=kernels,
-        # Only compiled runs of single states have power series.
+        # Only compiled runs have power series.
         series=_series(program, kernels, target)
-        if program.series and target.language in ("c", "cython") and not target.lanes
+        if program.series and target.language in ("c", "cython")
         else None,
     )
 
@@ -241,6 +241,7 @@ def _series(program: Program, kernels: tuple[KernelView, ...], target: Target) -
         sides.watched,
         tuple(order_view(k, _type(target), printer(target)) for k in program.series),
         solve if len(solve.assignments) + len(solve.stores) <= INLINED and not solve.rolled else None,
+        calls_of_series(program.series, target.precision),
     )
 
 

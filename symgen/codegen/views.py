@@ -133,6 +133,7 @@ class SeriesView:
 
     ``power`` is 1 if the power of loads is integrated, else 0; ``watched`` counts other quantities. ``solve``
     is the view of the kernel of the solution if it is repeated in the loop over the orders, else None.
+    ``calls`` are functions of the C library.
     """
 
     name: str
@@ -145,6 +146,7 @@ class SeriesView:
     watched: int
     orders: tuple[OrderView, ...]
     solve: KernelView | None
+    calls: tuple[CallView, ...]
 
     @property
     def functions(self) -> list[str]:
@@ -182,7 +184,8 @@ class UnitView:
     @property
     def calls(self) -> tuple[CallView, ...]:
         """The distinct functions called by the kernels of this file."""
-        return merged(c for k in self.kernels for c in k.calls)
+        of_lanes = self.series.calls if self.series and self.lanes else ()
+        return merged([*(c for k in self.kernels for c in k.calls), *of_lanes])
 
     @property
     def guarded(self) -> bool:

@@ -220,7 +220,7 @@ def _model(source: Source, tools: BuildSettings, description: Any, library: Libr
 
     text = cast("SceneText", source.scene)
 
-    kernels = cache(lambda lanes: _typed(text, tools, description, lanes))
+    kernels = cache(lambda lanes, series=False: _typed(text, tools, description, lanes, series))
     typed = Typed(tools.precision, tools.digits, kernels, cache(tools.core))
     if tools.digits or tools.precision != FLOAT64:
         typed.kernels(False)  # compilation errors are raised here
@@ -291,8 +291,11 @@ def linkage_model(parts: ModelParts) -> RodModel | KinematicModel:
     return PlaneModel(*kernels, analyses=analyses, typed=typed, in_space=in_space)
 
 
-def _typed(text: SceneText, tools: BuildSettings, base: Described, lanes: bool) -> Library:
-    """Return the kernels of a scene in the requested type, for one state per call or for batches."""
+def _typed(text: SceneText, tools: BuildSettings, base: Described, lanes: bool, series: bool) -> Library:
+    """Return the kernels of a scene in the requested type, for one state per call or for batches.
+
+    Of batches, those of ``series`` are kernels by themselves, which few runs need.
+    """
     target = replace(tools, compiler=None) if tools.digits else tools.of_lanes if lanes else tools
 
     def described(program: Program, equations: str) -> Described:
@@ -302,10 +305,12 @@ def _typed(text: SceneText, tools: BuildSettings, base: Described, lanes: bool) 
         return replace(base, equations=equations, kernels=kernel_infos(program.kernels))
 
     def make(folder: Path) -> tuple[Described, Library]:
-        return target.built(folder, lambda: derive(text), described, lanes)
+        return target.built(folder, lambda: derive(text), described, lanes, series)
 
     name = f"{target.digits}-digits" if target.digits else target.precision.name
-    return target.cached(text, f"{name}-lanes" if lanes and target.compiler else name, make, base=base)[1]
+    if lanes and target.compiler:
+        name += "-lanes-series" if series else "-lanes"
+    return target.cached(text, name, make, base=base)[1]
 
 
 def compile_scene(text: SceneText, tools: BuildSettings, folder: Path) -> tuple[Any, Library]:

@@ -32,6 +32,7 @@ class Starts:
     ) -> tuple[NDArray[np.bool_], Array, Array]: ...
 
 class LinkageRuns(Starts):
+    alone: int
     def __init__(
         self,
         evaluator: Evaluator,

@@ -4,7 +4,7 @@
 import numpy as np
 
 from libc.math cimport fabs, fmax
-from libc.string cimport memcpy, memset
+from libc.string cimport memcmp, memcpy, memset
 
 from symgen.runtime._core cimport (
     Core, KernelEquations, Memory, Scheme, _DONE, _MORE, at_least, core_api, equations, functions_of, interrupted, kernel_of,
@@ -20,7 +20,7 @@ from symgen.runtime._core import DOUBLE
 
 cdef extern from "core/lane_runs.h" nogil:
     cdef struct lane_sizes:
-        Py_ssize_t n, m, extra, parameters, derived, work, first_pivot
+        Py_ssize_t n, m, extra, parameters, derived, work, first_pivot, series_rows
         double rank_tolerance
 
     cdef struct lane_runs:
@@ -30,7 +30,8 @@ cdef extern from "core/lane_runs.h" nogil:
         size_t lanes_struct
         size_t (*bytes)(const lane_sizes *, const scheme_t *) noexcept nogil
         void (*bind)(lane_runs *, const lane_sizes *, const kernels *, const scheme_t *, const task *, void *) noexcept nogil
-        void (*run)(lane_runs *, const double *, const double *, const double *, double *, double *, char *) noexcept nogil
+        void (*run)(lane_runs *, const double *, const double *, const double *, long, double *, double *,
+                    char *) noexcept nogil
 
 
 def over_variants(evaluator, str kernel, const double[:, ::1] variants, const double[::1] times, rows):
@@ -80,12 +81,12 @@ def over_variants(evaluator, str kernel, const double[:, ::1] variants, const do
 
 
 cdef class Lanes:
-    """LinkageRuns of fixed explicit steps in the lanes of vectors.
+    """LinkageRuns of fixed explicit steps, or of power series, in the lanes of vectors.
 
     Parameters
     ----------
     library
-        Kernels that take vectors.
+        Kernels that take vectors, those of power series among them if the runs have these.
     equations
         The :class:`~symgen.runtime._core.KernelEquations` of a single run.
     lanes
@@ -110,11 +111,12 @@ cdef class Lanes:
         self.functions.solve, self.functions.constraints = kernel_of(addresses, "solve"), kernel_of(addresses, "constraints")
         self.functions.velocity_constraints = kernel_of(addresses, "velocity_constraints")
         self.functions.energy, self.functions.residual = kernel_of(addresses, "energy"), kernel_of(addresses, "residual")
-        self.functions.setup = kernel_of(addresses, "setup")
+        self.functions.setup, self.functions.series = kernel_of(addresses, "setup"), kernel_of(addresses, "series")
         self.sizes.n, self.sizes.m = equations.n, equations.m
         self.sizes.extra, self.sizes.parameters = equations.extra, equations.core.sizes.parameters
         self.sizes.derived, self.sizes.work = library.derived, equations.core.sizes.work
         self.sizes.first_pivot = equations.core.sizes.first_pivot
+        self.sizes.series_rows = equations.core.sizes.series_rows if self.functions.series != NULL else 0
         self.sizes.rank_tolerance = equations.core.sizes.rank_tolerance
 
     cdef int bound(self, const scheme_t *method, const task *asked) except -1:
@@ -319,7 +321,8 @@ cdef class Starts:
 cdef class LinkageRuns(Starts):
     """LinkageRuns of one linkage from its starts; one object per thread.
 
-    The caller must repeat runs without a regular start, or without a regular end, to obtain the reason.
+    The caller must repeat runs without a regular start, or without a regular end, to obtain the reason. ``alone``
+    counts those that left their lane, or had none.
 
     Parameters
     ----------
@@ -330,7 +333,7 @@ cdef class LinkageRuns(Starts):
     most
         Largest number of steps of a run.
     lanes
-        The :class:`Lanes` of the runs, for a method with fixed explicit steps.
+        The :class:`Lanes` of the runs, for a method with fixed explicit steps or power series.
     """
 
     cdef Scheme scheme
@@ -345,6 +348,9 @@ cdef class LinkageRuns(Starts):
     cdef double[::1] solutions
     cdef Lanes lanes
     cdef Py_ssize_t width
+    cdef readonly Py_ssize_t alone
+    cdef double[::1] parameters, start
+    cdef bint is_known, is_regular
     cdef const lane_table *of_lanes
     cdef lane_runs *in_lanes
     cdef double[::1] lane_parameters, lane_states, lane_samples, lane_drifts
@@ -357,6 +363,7 @@ cdef class LinkageRuns(Starts):
         d, addresses = evaluator.description, evaluator.library.addresses
         Starts.__init__(self, evaluator, equations, starter, ends, rounding, consistent, near)
         self.turns, self.times, self.most = len(d.turns), times, most
+        self.parameters, self.start = np.zeros(self.e.sizes.parameters + 1), np.zeros(self.row.shape[0])
         self.outputs = kernel_of(addresses, "outputs")
         if times.shape[0] == 0:
             raise ValueError("expected at least one recorded time")
@@ -373,9 +380,12 @@ cdef class LinkageRuns(Starts):
         self.asked.samples = times.shape[0]
         self.solutions = np.zeros(times.shape[0] * self.work + 1)
         if lanes is not None:
-            if self.turns or self.filled.kind != self.api.find_kind(b"explicit") or method.coefficients["same_as_last"] or rtol or atol \
-                    or stabilisation or not step > 0.0:
-                raise ValueError("expected fixed explicit steps with projection for runs in lanes")
+            if self.turns or stabilisation or equations.core.sizes.series_watched or not (
+                method.kind == "taylor" and lanes.sizes.series_rows and (step > 0.0) != (rtol > 0.0 or atol > 0.0)
+                or method.kind == "explicit" and not (method.coefficients["same_as_last"] or rtol or atol or lanes.sizes.series_rows)
+                and step > 0.0
+            ):
+                raise ValueError("expected power series or fixed explicit steps, with projection, for runs in lanes")
             lanes.bound(&self.filled, &self.asked)
             self.lanes, self.width, self.of_lanes, self.in_lanes = lanes, lanes.lanes, lanes.api, lanes.core
             self.lane_parameters, self.lane_states, self.lane_samples = lanes.rows, lanes.states, lanes.samples
@@ -386,13 +396,26 @@ cdef class LinkageRuns(Starts):
         self.core = <run *>self.memory.structure
         self.api.run_bind(self.core, equations.core, &self.scheme.filled, &self.asked, self.memory.at)
 
+    cdef bint starts(self, const double *parameters) noexcept nogil:
+        """Write the start with these parameters to the row of the state; return whether it is regular.
+
+        Runs from states often have the parameters, and the start, of the run before.
+        """
+        cdef Py_ssize_t size = self.e.sizes.parameters * sizeof(double)
+        if not self.is_known or memcmp(&self.parameters[0], parameters, size) != 0:
+            self.renew(parameters)
+            self.is_regular, self.is_known = self.started(), True
+            memcpy(&self.parameters[0], parameters, size)
+            memcpy(&self.start[0], &self.row[0], self.start.shape[0] * sizeof(double))
+        memcpy(&self.row[0], &self.start[0], self.start.shape[0] * sizeof(double))
+        return self.is_regular
+
     cdef bint ran(self, const double *parameters, const double *state, double *out, double *turns, double *drift) noexcept nogil:
         """Carry out one run; return whether it ended regularly."""
         cdef report r
         cdef const void *samples
         cdef long count = self.asked.samples
-        self.renew(parameters)
-        if not self.started():
+        if not self.starts(parameters):
             return False
         if state != NULL:
             memcpy(&self.row[0], state, 2 * self.n * sizeof(double))
@@ -426,8 +449,7 @@ cdef class LinkageRuns(Starts):
         cdef Py_ssize_t lane, usable = -1, count = self.times.shape[0], dim = 2 * self.n + self.e.sizes.extra
         cdef Py_ssize_t parameters = self.e.sizes.parameters
         for lane in range(runs):
-            self.renew(variants + lane * stride)
-            self.found[lane] = self.started()
+            self.found[lane] = self.starts(variants + lane * stride)
             if self.found[lane]:
                 if states != NULL:
                     memcpy(&self.row[0], states + lane * 2 * self.n, 2 * self.n * sizeof(double))
@@ -441,8 +463,8 @@ cdef class LinkageRuns(Starts):
                 memcpy(&self.lane_states[lane * dim], &self.lane_states[usable * dim], dim * sizeof(double))
                 memcpy(&self.lane_parameters[lane * parameters], &self.lane_parameters[usable * parameters],
                        parameters * sizeof(double))
-        self.of_lanes.run(self.in_lanes, &self.lane_parameters[0], &self.lane_states[0], &self.times[0], &self.lane_samples[0],
-                          &self.lane_drifts[0], &self.failed[0])
+        self.of_lanes.run(self.in_lanes, &self.lane_parameters[0], &self.lane_states[0], &self.times[0], self.most,
+                          &self.lane_samples[0], &self.lane_drifts[0], &self.failed[0])
         for lane in range(runs):
             if self.found[lane] and not self.failed[lane]:
                 self.renew(variants + lane * stride)
@@ -486,6 +508,7 @@ cdef class LinkageRuns(Starts):
                     continue
                 if interrupted():
                     break
+                self.alone += 1
                 to_regular[i] = self.ran(&variants[i, 0], &rows[i, 0] if from_states else NULL, &to_found[i * count * out],
                                          &to_turned[i * count * turns], &to_drifts[i, 0])
         raise_failure()

@@ -101,7 +101,9 @@ class BuildSettings:
             data |= {"contraction": self.contraction, "vector": self.vector}
         return data
 
-    def lowered(self, system: System, lanes: bool = False) -> tuple[Program, str, tuple[SourceFile, ...]]:
+    def lowered(
+        self, system: System, lanes: bool = False, series: bool = False
+    ) -> tuple[Program, str, tuple[SourceFile, ...]]:
         """Return the program of a system, the hash of its equations, and its sources."""
         from symgen.codegen.emit import emit, equations_hash
         from symgen.codegen.target import Target
@@ -110,6 +112,8 @@ class BuildSettings:
 
         with keeping(self.digits + _GUARD):
             program = lower_system(system)
+        if lanes and not series:
+            program = replace(program, series=())
         target = Target(self.language, self.precision, lanes and self.compiler is not None)
         equations = equations_hash(program, target)
         return program, equations, emit(program, target, equations)
@@ -139,13 +143,15 @@ class BuildSettings:
         system: Callable[[], System],
         describe: Callable[[Program, str], Any],
         lanes: bool = False,
+        series: bool = False,
     ) -> tuple[Any, Library]:
         """Derive a system and compile its kernels into a folder; return their description and library.
 
-        ``describe`` returns the description by program and hash of its equations, while compilers work.
+        ``describe`` returns the description by program and hash of its equations, while compilers work. In
+        ``lanes`` kernels take vectors, and motions have power series with ``series`` only.
         """
         with no_collection():
-            program, equations, sources = self.lowered(system(), lanes)
+            program, equations, sources = self.lowered(system(), lanes, series)
         with self.written(program, sources, folder, lanes) as compilation:
             description = describe(program, equations)
             return description, self.opened(folder, description, compilation)

@@ -5,9 +5,6 @@
 
 #include <string.h>
 
-/* Largest constraint rate after a projection, over the tolerance. */
-#define LEFT 1e-3
-
 int (*core_interrupted)(void) = NULL;
 
 const struct behaviour kernel_behaviour = {
@@ -250,7 +247,7 @@ static real speed_of(const struct equations *e, const real *y) {
 static real rounding_of_rates(const struct equations *e, real speed) {
     if (e->account->soundness < NEAR)
         return 0;
-    return REAL_EPSILON * speed < R(LEFT) * R(e->finest) ? REAL_EPSILON * speed : 0;
+    return REAL_EPSILON * speed < R(RATES_LEFT) * R(e->finest) ? REAL_EPSILON * speed : 0;
 }
 
 int project_velocities(struct equations *e, real t, real *y) {

@@ -109,6 +109,8 @@ struct account {
 #define ROUND_OFF (R(1e4) * REAL_EPSILON)
 /* Most projections of rates. */
 #define RATE_PROJECTIONS 3
+/* Largest constraint rate after a projection, over the tolerance. */
+#define RATES_LEFT 1e-3
 
 /* Below this part of a pivot, near a loss of rank, errors transverse to the constraints are magnified too much. */
 #define NEAR 1e-2

@@ -1,4 +1,5 @@
-/* Runs of fixed explicit steps in the lanes of vectors: one linkage with other parameters and starts in each lane.
+/* Runs of fixed explicit steps, and of power series, in the lanes of vectors: one linkage with other parameters and
+ * starts in each lane. Each lane of power series has steps of its own within the tolerance.
  *
  * Kernels take one vector where those of a single run take a number. Every lane sees the operations of a single run
  * in their order, so its bits are the same. A lane fails near a loss of rank, or if its iterations do not converge:
@@ -13,6 +14,7 @@
 struct lane_sizes {
     ptrdiff_t n, m, extra;      /* as in struct sizes, like all below */
     ptrdiff_t parameters, derived, work, first_pivot;
+    ptrdiff_t series_rows; /* 0 for explicit steps */
     double rank_tolerance;
 };
 
@@ -24,11 +26,11 @@ struct lane_runs_api {
     /* The memory starts at a multiple of 64 bytes. */
     void (*bind)(struct lane_runs *l, const struct lane_sizes *sizes, const struct kernels *kernels,
                  const struct scheme *scheme, const struct task *task, void *memory);
-    /* Carry out one run per lane, from rows of parameters and of states y0. `samples` receives task.samples rows of
-     * states for each lane, `drifts` the largest errors of constraints and of energy, `failed` whether the caller must
-     * repeat the run of a lane. */
-    void (*run)(struct lane_runs *l, const real *parameter_rows, const real *y0, const real *times, real *samples,
-                real *drifts, char *failed);
+    /* Carry out one run per lane of `most` steps at most, from rows of parameters and of states y0. `samples` receives
+     * task.samples rows of states for each lane, `drifts` the largest errors of constraints and of energy, `failed`
+     * whether the caller must repeat the run of a lane. */
+    void (*run)(struct lane_runs *l, const real *parameter_rows, const real *y0, const real *times, long most,
+                real *samples, real *drifts, char *failed);
 };
 
 #endif

@@ -4,14 +4,10 @@
 
 #include "arena.h"
 
-/* Greatest growth of the step; the least is SHRINK. */
-#define GROW 10.0
 /* Safety factor of the length of the next step. */
 #define SAFETY 0.9
 /* Accelerations of linkages vary much between steps: beyond this growth the factor CAREFUL applies. */
 #define GROW_FREELY 1.2
-/* Safety factor there; without it a quarter of all steps would be rejected. */
-#define CAREFUL 0.75
 
 /* -- memory ------------------------------------------------------------------------------------------------ */
 
@@ -284,7 +280,7 @@ int run_begin(struct run *run) {
     status = monitor(run);
     record_present(run);
     if (run->scheme.adaptive && run->task.step == 0.0)
-        s->h = first_step(run);
+        s->h = run->scheme.kind->longest ? R(run->task.t_end) - s->t : first_step(run);
     return status;
 }
 
@@ -415,7 +411,7 @@ static int accepted_step(struct run *run, real *t_new, real *length) {
         s->h = h, part = 1, failed = status;
     }
     if (run->scheme.adaptive) {
-        real factor = s->norm == 0 ? largest : next_over_last(run, largest);
+        real factor = s->norm == 0 || run->scheme.kind->longest ? largest : next_over_last(run, largest);
         if (h == s->h || factor < 1)
             s->h = h * factor;
     }

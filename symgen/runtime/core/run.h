@@ -42,8 +42,12 @@ struct task {
     long nodes;          /* number of times at which steps end before the end of the run, see run->nodes */
 };
 
-/* Least change of the step. */
+/* Least and greatest change of the step. */
 #define SHRINK 0.2
+#define GROW 10.0
+/* Safety factor of a step after one that failed, and of one that grows much; without it a quarter of all steps would be
+   rejected. */
+#define CAREFUL 0.75
 
 struct run;
 

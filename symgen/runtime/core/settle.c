@@ -1,32 +1,11 @@
 /* Projection of a step's end onto the constraints, and its correction as an error estimate. */
+#include "corrections.h"
 #include "run.h"
 
 #include <string.h>
 
 /* Largest correction of the projection near a loss of rank, over the motion in the step. */
 #define ASTRAY 0.01
-/* The tightest relative tolerance that a number type meets, over its epsilon: TIGHTEST of runtime/integrate/options.py. */
-#define ROUNDINGS 100.0
-
-/* Roundings of a coordinate after the projection, which rotate the tangent space of the constraints. */
-#define TURNED 4.0
-
-/* Norm of the projection's correction over the tolerance, or over the corrections that rounding causes in every step:
-   ROUNDINGS of the largest coordinate or rate, and the part of the rates that leaves the tangent space by roundings
-   of the coordinates. */
-static real correction(struct run *run) {
-    long n = run->e->n;
-    real total = 0, atol = R(run->task.atol), rtol = R(run->task.rtol);
-    real least[2] = {largest_of(run->y_new, n), largest_of(run->y_new + n, n)};
-    real floor[2] = {R(ROUNDINGS) * REAL_EPSILON * least[0], R(ROUNDINGS) * REAL_EPSILON * least[1]};
-    floor[1] += R(TURNED) * REAL_EPSILON * least[0] * least[1] / shortest_scale(run->e);
-    for (long i = 0; i < 2 * n; i++) {
-        real scale = atol + rtol * real_fmax(real_fabs(run->y[i]), real_fabs(run->y_new[i]));
-        real part = (run->error[i] - run->y_new[i]) / real_fmax(scale, floor[i / n]);
-        total += part * part;
-    }
-    return real_sqrt(total / R(run->dim));
-}
 
 /* Whether the projection moved the points by more than a small part of the step. Near a loss of rank the tolerance
    does not limit its magnified corrections, but a large one may lead to another assembly branch. If drives determine
@@ -74,7 +53,9 @@ int project_new_state(struct run *run, real t_new) {
         s->shrink = R(SHRINK);
         return AGAIN;
     }
-    if (status == DONE && s->sound >= NEAR)
-        s->correction = correction(run);
+    if (status == DONE && s->sound >= NEAR) {
+        const struct projected x = {e->n, run->dim, run->y, run->error, run->y_new, shortest_scale(e)};
+        s->correction = correction_norm(&x, &run->task);
+    }
     return status;
 }

@@ -75,6 +75,10 @@ static inline wide root(wide x) {
     return real_sqrt(x);
 }
 
+static inline wide powered(wide x, real exponent) {
+    return real_pow(x, exponent);
+}
+
 static inline wide largest_in(const wide *values, ptrdiff_t count) {
     return largest_or_nan(values, count);
 }

@@ -1,29 +1,19 @@
 /* Power series in time: the generated kernel `series` and one factorisation a step give all coefficients
  * (A. Jorba, M. Zou, Experimental Mathematics 14 (2005) 99-117).
  */
-#include <math.h>
-
 #include "arena.h"
-#include "lanes.h"
 #include "run.h"
+#include "series_steps.h"
 #include "zeros.h"
 
-/* The count of a scheme: the order of the series; 0 for the order that the tolerance needs. */
-enum { ORDER };
-enum { LOWEST = 3 };
 /* Steps that values of events and switching points shorten, at most. */
 #define SHORTENED R(1e-3)
-enum { HIGHEST = MOST_COEFFICIENTS };
-/* Rows of coefficients: the kernel writes one more than the order, and there is one of order 0. */
-enum { ROWS = HIGHEST + 3 };
-/* Series at y and at y_new. */
-enum { BOTH = 2 };
 
 struct taylor {
     long *present;    /* which of the two series is that at y */
     long *order;      /* of each series */
     real *longest;    /* of each series: its step within the tolerance */
-    real *rows;       /* of each series: coefficients, ROWS rows as the kernel writes them */
+    real *rows;       /* of each series: coefficients, SERIES_ROWS rows as the kernel writes them */
     real *changes;    /* accelerations of the series, and the power behind them */
     real *at_end;     /* those of the end of the step: the projection looks inside the step */
     long *expanded;   /* whether the other series is that at y_new */
@@ -36,7 +26,7 @@ static size_t place(struct taylor *x, const struct equations *e, void *memory) {
         ARENA_ARRAY(x->present, 1),
         ARENA_ARRAY(x->order, BOTH),
         ARENA_ARRAY(x->longest, BOTH),
-        ARENA_ARRAY(x->rows, BOTH * ROWS * row),
+        ARENA_ARRAY(x->rows, BOTH * SERIES_ROWS * row),
         ARENA_ARRAY(x->changes, e->n + 1),
         ARENA_ARRAY(x->at_end, e->n + 1),
         ARENA_ARRAY(x->expanded, 1),
@@ -67,12 +57,12 @@ static ptrdiff_t numbers(const long *counts) {
     return counts[ORDER] == 0 || (LOWEST <= counts[ORDER] && counts[ORDER] <= HIGHEST) ? 0 : -1;
 }
 
-/* Every order takes a substitution, which takes longer than the loops over the orders unless the model is large. With
-   steps proportional to tolerance^(1 / order), the product of order and number of steps is least near -log(tolerance). */
-static long order_of(const struct run *run) {
-    const long given = run->scheme.counts[ORDER];
-    const double wanted = fmax(run->task.rtol, (double)REAL_EPSILON);
-    return given > 0 ? given : (long)fmax(LOWEST, fmin(ceil(3 - 0.8 * log(wanted)), HIGHEST));
+/* One of the two series. */
+static struct series series_of(const struct run *run, long which) {
+    const struct taylor x = taylor_of(run);
+    const struct equations *e = run->e;
+    const ptrdiff_t row = e->sizes.series_rows, work = e->extra ? row - 1 - e->sizes.series_watched : -1;
+    return (struct series){e->n, row, work, x.order[which], x.rows + which * SERIES_ROWS * row};
 }
 
 /* Values of the kernel `events` that are watched for zeros: those of events and of switching points. */
@@ -100,84 +90,33 @@ static real resolved(const struct run *run, const real *rows, long order, real l
     return real_fmax(length, least);
 }
 
-/* The step whose last terms are within the tolerance: those of two orders, since every other one may vanish. Both may
-   vanish, so that `step` compares the accelerations at its end. */
-static real within_tolerance(const struct run *run, const real *rows, const real *y, long order) {
-    const long n = run->e->n, row = run->e->sizes.series_rows;
-    const real atol = R(0.1) * R(run->task.atol), rtol = R(0.1) * R(run->task.rtol);
-    real length = R(run->task.t_end) - R(run->task.t0);
-    for (long k = order - 1; k <= order; k++) {
-        real places = 0, rates = 0;
-        for (long i = 0; i < n; i++) {
-            const real last = rows[k * row + i];
-            if (!real_isfinite(last))
-                return REAL_INFINITY;
-            places = real_fmax(places, real_fabs(last) / (atol + rtol * real_fabs(y[i])));
-            rates = real_fmax(rates, R(k) * real_fabs(last) / (atol + rtol * real_fabs(y[n + i])));
-        }
-        if (rates > 0)
-            length = real_fmin(length, real_pow(rates, R(-1) / R(k - 1)));
-        if (places > 0)
-            length = real_fmin(length, real_pow(places, R(-1) / R(k)));
-    }
-    return resolved(run, rows, order, length);
-}
-
 /* Expand the motion from (t, y) into one of the two series; write dy/dt. */
 static int expand(struct run *run, long which, real t, const real *y, real *dy) {
     const struct taylor x = taylor_of(run);
     struct equations *e = run->e;
-    const long n = e->n, row = e->sizes.series_rows, order = order_of(run);
+    const long order = order_of(&run->scheme, &run->task);
     const real at[] = {t, R(order - 1 + (e->extra || e->sizes.series_watched))};
-    real *rows = x.rows + which * ROWS * row;
     const int status = e->of->factorise(e, t, y);
     if (status != DONE)
         return status;
     x.order[which] = order;
-    copy(y, n, rows);
-    copy(y + n, n, rows + row);
-    e->kernels.series(at, NULL, NULL, e->p, e->factors, rows);
+    const struct series s = series_of(run, which);
+    begin_series(&s, y);
+    e->kernels.series(at, NULL, NULL, e->p, e->factors, s.rows);
     e->account->evaluations++;
-    copy(y + n, n, dy);
-    for (long i = 0; i < n; i++)
-        dy[n + i] = 2 * rows[2 * row + i];
-    if (e->extra) {
-        real *work_done = rows + row - 1 - e->sizes.series_watched;
-        work_done[0] = y[2 * n];
-        dy[2 * n] = work_done[row];
-    }
+    rates_of_series(&s, y, dy);
     if (!run->scheme.adaptive)
         return DONE;
-    x.longest[which] = within_tolerance(run, rows, y, order);
+    const real length = length_of_series(&s, &run->task, y, R(run->task.t_end) - R(run->task.t0));
+    x.longest[which] = real_isfinite(length) ? resolved(run, s.rows, order, length) : length;
     return real_isfinite(x.longest[which]) ? DONE : NOT_FINITE;
 }
 
 /* Write the state a time h after y; its accelerations and the power behind them to x.changes. */
 static void evaluate(const struct run *run, real h, real *y) {
     const struct taylor x = taylor_of(run);
-    const struct equations *e = run->e;
-    const long n = e->n, row = e->sizes.series_rows, order = x.order[*x.present];
-    const real *rows = x.rows + *x.present * ROWS * row;
-    copy(rows + order * row, n, y);
-    memset(y + n, 0, (size_t)n * sizeof(real));
-    memset(x.changes, 0, (size_t)n * sizeof(real));
-    for (long k = order - 1; k >= 0; k--)
-        for (long i = 0; i < n; i++) {
-            x.changes[i] = x.changes[i] * h + y[n + i];
-            y[n + i] = y[n + i] * h + y[i];
-            y[i] = y[i] * h + rows[k * row + i];
-        }
-    for (long i = 0; i < n; i++)
-        x.changes[i] *= 2;
-    if (e->extra) {
-        const real *work_done = rows + row - 1 - e->sizes.series_watched;
-        real sum = work_done[order * row], rate = 0;
-        for (long k = order - 1; k >= 0; k--) {
-            rate = rate * h + sum;
-            sum = sum * h + work_done[k * row];
-        }
-        y[2 * n] = sum, x.changes[n] = rate;
-    }
+    const struct series s = series_of(run, *x.present);
+    state_of_series(&s, h, y, x.changes);
 }
 
 static int begin(struct run *run) {
@@ -190,7 +129,7 @@ static long polynomial(const struct run *run, long i, real h, real *c) {
     const struct sizes *s = &run->e->sizes;
     const long row = s->series_rows, degree = x.order[*x.present] - 1;
     const real *values = x.rows + row - s->series_watched + i;
-    const real *at_y = values + *x.present * ROWS * row, *at_y_new = values + (1 - *x.present) * ROWS * row;
+    const real *at_y = values + *x.present * SERIES_ROWS * row, *at_y_new = values + (1 - *x.present) * SERIES_ROWS * row;
     real power = 1;
     for (long k = 0; k <= degree; k++, power *= h)
         c[k] = at_y[k * row] * power;
@@ -255,7 +194,7 @@ static int step(struct run *run, real t, real h, real t_new) {
     *x.expanded = 1;
     memset(run->error, 0, (size_t)n * sizeof(real));
     for (long i = n; i < run->dim; i++)
-        run->error[i] = R(0.25) * h * (x.at_end[i - n] - run->f_new[i]);
+        run->error[i] = error_of_series(h, x.at_end[i - n], run->f_new[i]);
     const real norm = error_norm(run, h, run->error);
     run->state->norm = norm <= 1 ? 0 : norm;
     return DONE;

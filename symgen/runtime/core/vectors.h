@@ -131,6 +131,12 @@ static inline wide root(wide x) {
 #endif
 }
 
+static inline wide powered(wide x, real exponent) {
+    for (int lane = 0; lane < WIDTH; lane++)
+        x[lane] = real_pow(x[lane], exponent);
+    return x;
+}
+
 static inline void copy_where(mask which, const wide *from, ptrdiff_t count, wide *to) {
     for (ptrdiff_t i = 0; i < count; i++)
         to[i] = chosen(which, from[i], to[i]);

@@ -134,9 +134,7 @@ def _options(
     if chosen.adaptive and step is None:
         rtol, atol = _tolerances(rtol, atol, precision)
         found = Options(chosen, t_end, rtol, atol, 0.0, samples, max_steps, *constraint_options)
-        if method is None and series and rtol <= SERIES_RTOL and stabilisation == "projection":
-            return replace(found, method=integrator("taylor"), otherwise=found)
-        return found
+        return by_series(found) if method is None and series else found
     if rtol is not None or atol is not None:
         if chosen.adaptive:
             raise ModelError(
@@ -149,6 +147,13 @@ def _options(
         name = precision.name
         raise ModelError(f"step = {step:g} s is too small against t_end = {t_end:g} s for {name}")
     return Options(chosen, t_end, 0.0, 0.0, step, samples, max_steps, *constraint_options)
+
+
+def by_series(found: Options) -> Options:
+    """Return the options of the default method: power series for small tolerances, otherwise the given."""
+    if not 0.0 < found.rtol <= SERIES_RTOL or found.stabilisation != "projection" or found.otherwise:
+        return found
+    return replace(found, method=integrator("taylor"), otherwise=found)
 
 
 def recorded_at(t_eval: ArrayLike, start: float, end: float) -> Array:

@@ -21,14 +21,15 @@ class Typed:
     digits
         Digits of kernels in mpmath, which have no such type; 0 for all others.
     kernels
-        Function of a flag; returns the kernels, built on first use: batched if true, else of one state.
+        Function of one or two flags; returns the kernels, built on first use: batched if the first is true,
+        else of one state; batched with power series if the second is true.
     core
         Function that returns the core of runs in the type, built on first use.
     """
 
     precision: Precision
     digits: int
-    kernels: Callable[[bool], Library]
+    kernels: Callable[..., Library]
     core: Callable[[], Core]
 
     @property

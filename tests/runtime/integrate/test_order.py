@@ -2,36 +2,18 @@
 
 from __future__ import annotations
 
-import mpmath
 import numpy as np
 import pytest
+from shared.pendulum import PENDULUM, exact
 
 import symgen
 from symgen.runtime import _core
 from symgen.runtime.integrate.integrators import INTEGRATORS
 from symgen.runtime.integrate.integrators.taylor import of_order
 
-G = 9.81
-#: A uniform rod of 1 m on a pin, released from horizontal.
-PENDULUM = symgen.Scene(
-    points={"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["1 m", "0 m"]}},
-    links={"rod": {"points": ["O", "A"], "mass": "2 kg"}},
-    gravity={"acceleration": ["0 m/s^2", f"-{G} m/s^2"]},
-)
 T_END = 1.0
 #: Numbers of steps by order: errors fall from where the order shows to somewhat above rounding.
 STEPS = {2: (128, 256, 512), 4: (64, 128, 512), 5: (24, 64, 192), 6: (16, 32, 64), 8: (8, 20, 48)}
-
-
-def exact(t):
-    """Position and velocity of the tip: sin(phi/2) = k cd(w t, k^2), phi from hanging down (Jacobi's functions)."""
-    with mpmath.workdps(30):
-        k, w = mpmath.sin(mpmath.pi / 4), mpmath.sqrt(mpmath.mpf(G) * 3 / 2)
-        cd, sn, dn = (mpmath.ellipfun(f, w * mpmath.mpf(t), m=k**2) for f in ("cd", "sn", "dn"))
-        phi = 2 * mpmath.asin(k * cd)
-        rate = -2 * k * w * (1 - k**2) * sn / dn**2 / mpmath.cos(phi / 2)
-        s, c = mpmath.sin(phi), mpmath.cos(phi)
-        return np.array([float(x) for x in (s, -c, rate * c, rate * s)])
 
 
 @pytest.fixture(scope="module")

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from symgen.runtime import _core
 from symgen.runtime._many import Lanes, LinkageRuns
 from symgen.runtime.arrays import Array
-from symgen.runtime.integrate.options import Options
+from symgen.runtime.integrate.options import Options, by_series
 from symgen.runtime.integrate.simulate import sample_times
 from symgen.runtime.kernels.batch import fits_lanes, lanes_of
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.kernels.library import Library
+from symgen.runtime.kernels.library import SERIES, Library
 from symgen.runtime.kernels.typed import Typed
 from symgen.runtime.many.dataset import BLOCK, CompiledRuns, Keep, KeptSamples
 from symgen.runtime.many.runs import is_stored, parameters_of_runs
@@ -38,8 +38,8 @@ class SimulatedRuns:
     """Runs with ``parameters`` (runs, parameters) from their starts, or from states (runs, (q, u)).
 
     ``single`` are runs with the parameters of the scene, which start from the stored state; ``batched`` the
-    kernels that take vectors, for fixed explicit steps in SIMD lanes. Of ``steps``, as many as the first run
-    took, ``most`` runs take place in one call, which nothing interrupts.
+    kernels that take vectors, for fixed explicit steps and power series in SIMD lanes. Of ``steps``, as many
+    as the first run took, ``most`` runs take place in one call, which nothing interrupts.
     """
 
     evaluator: Evaluator
@@ -65,7 +65,7 @@ class SimulatedRuns:
         """Carry out some runs; None stands for those that are to be carried out singly."""
         d, rows = self.evaluator.description, slice(first, last)
         states = None if self.states is None else self.states[rows]
-        regular, out, turned, drifts = self._runs().carry_out(self.parameters[rows], states)
+        regular, out, turned, drifts = self.runs().carry_out(self.parameters[rows], states)
         info, along = self.evaluator.find("outputs"), over_time(self.times)
         recorded = tuple(v for v in shaped(info, out) if keep.takes(v)) if info else ()
         variables = continued(recorded, d.turns, turned)
@@ -77,7 +77,8 @@ class SimulatedRuns:
         record = keep(variables, along, None, drift, d.shown_axes, runs) if len(runs) else None
         return [record if done else None for done in is_done.tolist()]
 
-    def _runs(self) -> LinkageRuns:
+    def runs(self) -> LinkageRuns:
+        """Return the compiled runs, for one thread."""
         chosen, start = self.chosen, start_of(self.evaluator, self.chosen.rate)
         return LinkageRuns(
             *start,
@@ -112,6 +113,8 @@ def compiled_runs(
     if not isinstance(source, Recording) or arguments.get("max_wall") is not None:
         return None
     evaluator, chosen, d = source.evaluator, source.chosen, source.evaluator.description
+    if arguments.get("method") is None and SERIES in source.library.addresses:
+        chosen = by_series(chosen)  # the first run may have ended by the method that is chosen otherwise
     in_c = source.equations.core_type is _core.DOUBLE and source.library.backend in ("c", "shipped")
     starts = {s.t for s in states} if states is not None else {0.0}
     if not in_c or d.events or d.held or source.redundant or not d.coordinates or len(starts) > 1:
@@ -119,7 +122,7 @@ def compiled_runs(
     if d.kernel("run_end") and arguments.get("t_end") is None and arguments.get("t_eval") is None:
         return None  # each has its own end
     # a large linkage has a start of its own
-    if chosen.method.needs_tangent or chosen.method.kind == "taylor" or d.coordinates > LARGE:
+    if chosen.method.needs_tangent or d.coordinates > LARGE:
         return None
     state_of = getattr(model, "_own", lambda state: state)
     rows = None if states is None else np.array([np.concatenate((s.q, s.u)) for s in map(state_of, states)])
@@ -129,9 +132,9 @@ def compiled_runs(
     if chosen.rtol == chosen.atol == 0.0 and chosen.t_end - t0 > MOST_STEPS * chosen.step > 0.0:
         return None
     times = np.ascontiguousarray(sample_times(t0, chosen, arguments.get("t_eval")))
-    batched = None
+    batched, series = None, chosen.method.kind == "taylor"
     if _in_lanes(chosen) and fits_lanes(d) and not d.turns and isinstance(model.number_type, Typed):
-        batched = model.number_type.kernels(True)
+        batched = model.number_type.kernels(True, True) if series else model.number_type.kernels(True)
         if lanes_of(batched, d.name)[0] < 2:
             batched = None
     return SimulatedRuns(
@@ -140,8 +143,8 @@ def compiled_runs(
 
 
 def _in_lanes(chosen: Options) -> bool:
-    """Return whether steps have a fixed length and an explicit method, and end on the constraints."""
+    """Return whether steps are power series, or explicit of a fixed length, and end on the constraints."""
     method = chosen.method
     fixed = chosen.rtol == chosen.atol == 0.0 and chosen.step > 0.0
     explicit = method.kind == "explicit" and not method.coefficients["same_as_last"]
-    return fixed and explicit and chosen.stabilisation == "projection"
+    return (method.kind == "taylor" or (fixed and explicit)) and chosen.stabilisation == "projection"

@@ -1,0 +1,101 @@
+/* Power series of a motion, one text for a single run and for lanes: see wide.h. The kernel `series` of the equations
+ * writes coefficients, one row for each order.
+ */
+#ifndef SYMGEN_SERIES_STEPS_H
+#define SYMGEN_SERIES_STEPS_H
+
+#include <math.h>
+
+#include "run.h"
+#include "wide.h"
+
+/* The count of a scheme: the order of the series; 0 for the order that the tolerance needs. */
+enum { ORDER };
+enum { LOWEST = 3, HIGHEST = MOST_COEFFICIENTS };
+/* Rows of coefficients: the kernel writes one more than the order, and there is one of order 0. */
+enum { SERIES_ROWS = HIGHEST + 3 };
+/* Series at y and at y_new. */
+enum { BOTH = 2 };
+
+struct series {
+    ptrdiff_t n, row;   /* coordinates, and numbers of a row */
+    ptrdiff_t work;     /* place of the work of loads in a row; -1 if it is not integrated */
+    long order;
+    wide *rows;
+};
+
+/* Every order takes a substitution, which takes longer than the loops over the orders unless the model is large. With
+   steps proportional to tolerance^(1 / order), the product of order and number of steps is least near -log(tolerance). */
+static inline long order_of(const struct scheme *scheme, const struct task *task) {
+    const long given = scheme->counts[ORDER];
+    const double wanted = fmax(task->rtol, (double)REAL_EPSILON);
+    return given > 0 ? given : (long)fmax(LOWEST, fmin(ceil(3 - 0.8 * log(wanted)), HIGHEST));
+}
+
+/* Write the first two rows. */
+static inline void begin_series(const struct series *s, const wide *y) {
+    for (ptrdiff_t i = 0; i < s->n; i++)
+        s->rows[i] = y[i], s->rows[s->row + i] = y[s->n + i];
+}
+
+/* Write dy/dt at y, and the work there to its series. */
+static inline void rates_of_series(const struct series *s, const wide *y, wide *dy) {
+    for (ptrdiff_t i = 0; i < s->n; i++)
+        dy[i] = y[s->n + i], dy[s->n + i] = R(2) * s->rows[2 * s->row + i];
+    if (s->work >= 0) {
+        s->rows[s->work] = y[2 * s->n];
+        dy[2 * s->n] = s->rows[s->row + s->work];
+    }
+}
+
+/* Write the state a time h after y; its accelerations and the power behind them to `changes`. */
+static inline void state_of_series(const struct series *s, wide h, wide *y, wide *changes) {
+    const ptrdiff_t n = s->n;
+    for (ptrdiff_t i = 0; i < n; i++)
+        y[i] = s->rows[s->order * s->row + i], y[n + i] = changes[i] = all(0);
+    for (long k = s->order - 1; k >= 0; k--)
+        for (ptrdiff_t i = 0; i < n; i++) {
+            changes[i] = changes[i] * h + y[n + i];
+            y[n + i] = y[n + i] * h + y[i];
+            y[i] = y[i] * h + s->rows[k * s->row + i];
+        }
+    for (ptrdiff_t i = 0; i < n; i++)
+        changes[i] *= R(2);
+    if (s->work >= 0) {
+        const wide *work = s->rows + s->work;
+        wide sum = work[s->order * s->row], rate = all(0);
+        for (long k = s->order - 1; k >= 0; k--) {
+            rate = rate * h + sum;
+            sum = sum * h + work[k * s->row];
+        }
+        y[2 * n] = sum, changes[n] = rate;
+    }
+}
+
+/* The step, of `longest` at most, whose last terms are within a tenth of the tolerance: those of two orders, since every
+   other one may vanish. Both may vanish, so that a step compares the accelerations at its end. Infinite where
+   coefficients are not finite. */
+static inline wide length_of_series(const struct series *s, const struct task *task, const wide *y, real longest) {
+    const real atol = R(0.1) * R(task->atol), rtol = R(0.1) * R(task->rtol);
+    wide length = all(longest);
+    mask finite = ~(mask){0};
+    for (long k = s->order - 1; k <= s->order; k++) {
+        wide places = all(0), rates = all(0);
+        for (ptrdiff_t i = 0; i < s->n; i++) {
+            const wide last = magnitude(s->rows[k * s->row + i]);
+            finite &= is_finite(last);
+            places = larger(places, last / (atol + rtol * magnitude(y[i])));
+            rates = larger(rates, R(k) * last / (atol + rtol * magnitude(y[s->n + i])));
+        }
+        length = smaller(length, powered(rates, R(-1) / R(k - 1))); /* infinite where they vanish */
+        length = smaller(length, powered(places, R(-1) / R(k)));
+    }
+    return chosen(finite, length, all(REAL_INFINITY));
+}
+
+/* Part of the difference of accelerations and power, of the series and at its end, that is the error of a step. */
+static inline wide error_of_series(wide h, wide of_series, wide at_end) {
+    return R(0.25) * h * (of_series - at_end);
+}
+
+#endif

@@ -1,0 +1,87 @@
+/* Steps of power series in the lanes of run_vectors.h, as taylor.c and the loop of run.c take those of a single run. */
+
+/* One of the two series. */
+static struct series series_of(const struct lane_runs *l, long which) {
+    const ptrdiff_t row = l->sizes.series_rows, work = l->sizes.extra ? row - 1 : -1;
+    return (struct series){l->sizes.n, row, work, l->series.order, l->series.rows + which * SERIES_ROWS * row};
+}
+
+/* As `expand` of taylor.c. */
+static void expand_lanes(struct lane_runs *l, long which, wide t, const wide *y) {
+    const struct series s = series_of(l, which);
+    const wide at[] = {t, all(R(s.order - 1 + l->sizes.extra))};
+    lane_factor(l, t, y);
+    begin_series(&s, y);
+    call(l->kernels.series, at, NULL, NULL, l->p, l->factors, s.rows);
+    rates_of_series(&s, y, l->series.f_new);
+    fail_unless_finite(l, l->series.f_new);
+    if (!l->adaptive)
+        return;
+    l->series.longest[which] = length_of_series(&s, &l->task, y, R(l->task.t_end) - R(l->task.t0));
+    l->failed |= ~is_finite(l->series.longest[which]);
+}
+
+static void begin_series_of_lanes(struct lane_runs *l, wide t) {
+    l->series.present = 0, l->series.order = order_of(&l->scheme, &l->task);
+    l->series.limit = all(l->task.step > 0.0 ? R(l->task.step) : R(l->task.t_end) - R(l->task.t0));
+    l->series.growth = all(R(GROW));
+    expand_lanes(l, 0, t, l->y);
+}
+
+static wide length_of_step(const struct lane_runs *l) {
+    const wide length = smaller(l->series.limit, l->series.longest[l->series.present]);
+    return l->task.max_step > 0.0 ? smaller(length, all(R(l->task.max_step))) : length;
+}
+
+/* Norm of the error of a step over the tolerance, and of the correction at its end if the error is within it. */
+static wide norm_of_step(const struct lane_runs *l, const struct lane_step *x) {
+    const ptrdiff_t n = l->sizes.n;
+    wide total = all(0), norm, shortest = all(REAL_INFINITY);
+    for (ptrdiff_t i = n; i < l->dim; i++) {
+        const wide error = error_of_series(x->h, l->series.changes[i - n], l->series.f_new[i]);
+        const wide size = larger(magnitude(l->y[i]), magnitude(l->y_new[i]));
+        const wide part = error / (R(l->task.atol) + R(l->task.rtol) * size);
+        total += part * part;
+    }
+    norm = root(total / R(l->dim));
+    if (l->sizes.m == 0)
+        return norm;
+    for (ptrdiff_t i = 0; i < l->sizes.m; i++)
+        shortest = smaller(shortest, l->scale[i]);
+    const struct projected end = {n, l->dim, l->y, l->stage, l->y_new, shortest};
+    return chosen(norm <= R(1), correction_norm(&end, &l->task), norm);
+}
+
+/* Take a step of at most these lengths: lanes beyond the tolerance do not, and take a shorter one next. */
+static void take_series_step(struct lane_runs *l, struct lane_step *x, wide lengths) {
+    struct lane_series *of = &l->series;
+    const struct series s = series_of(l, of->present);
+    state_of_series(&s, x->h, l->y_new, of->changes);
+    fail_unless_finite(l, l->y_new);
+    memcpy(l->stage, l->y_new, (size_t)l->dim * sizeof(wide));
+    project_lanes(l, x->t_new, l->y_new, 0);
+    expand_lanes(l, 1 - of->present, x->t_new, l->y_new);
+    if (l->adaptive) {
+        const wide norm = norm_of_step(l, x);
+        x->taken &= norm <= R(1);
+        const wide grown = chosen(x->h == lengths, x->h * of->growth, lengths);
+        of->limit = chosen(x->taken, grown, of->limit), of->growth = chosen(x->taken, all(R(GROW)), all(1));
+        const mask again = x->open & ~x->taken;
+        if (any(again)) {
+            const wide least = R(CAREFUL) * powered(norm, R(-1) / R(l->scheme.error_order + 1));
+            of->limit = chosen(again, x->h * larger(all(R(SHRINK)), least), of->limit);
+        }
+    }
+}
+
+/* The series at y_new becomes that at y, in the lanes that took the step. */
+static void accept_series(struct lane_runs *l, const struct lane_step *x) {
+    struct lane_series *of = &l->series;
+    const struct series old = series_of(l, of->present), s = series_of(l, 1 - of->present);
+    const mask again = x->open & ~x->taken;
+    if (any(again)) {
+        copy_where(again, old.rows, (s.order + 2) * s.row, s.rows);
+        copy_where(again, &of->longest[of->present], 1, &of->longest[1 - of->present]);
+    }
+    of->present = 1 - of->present;
+}
