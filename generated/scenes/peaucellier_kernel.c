@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char peaucellier_equations[65] = "469a4c237411db021d1d2b8ed5f1291a55cca50af9759bd4e3833500d40230ce";
+const char peaucellier_equations[65] = "fb5c0367735d5f8593750e89ca9e1d5c4ead9d10bc8961df6dba872eaa43d6f9";
 
 /* One over a pivot, or zero where cancellation left nothing of it. */
 static double guarded_inverse(double pivot, double sound, double tolerance)

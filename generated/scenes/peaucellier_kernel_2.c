@@ -349,7 +349,7 @@ void peaucellier_series(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RE
     static const double zero_row[ROWS];
     const long orders = (long)t[1];
     double *const rows = out, found[COORDINATES + MULTIPLIERS + 1];
-    (void)q, (void)u, (void)p;
+    (void)q, (void)u, (void)p, (void)work;
     for (long i = COORDINATES; i < ROWS; i++)
         rows[i] = 0;
     for (long k = 0; k < orders; k++) {

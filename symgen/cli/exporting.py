@@ -15,6 +15,7 @@ from symgen.cli.common import changes, command
 def export(
     scene: o.Source,
     out: Annotated[Path, typer.Option(metavar="FOLDER", help="Destination: an empty or new folder.")],
+    method: Annotated[str, typer.Option(metavar="NAME", help="Of runs: dop853 or taylor.")] = "dop853",
     set_: o.Set = None,
 ) -> None:
     """Write a scene, or the kernels of a user-defined system, as C for use in other programs.
@@ -24,5 +25,5 @@ def export(
     """
     from symgen.export import export_c
 
-    for name in export_c(scene, out, set=changes(set_)):
+    for name in export_c(scene, out, set=changes(set_), method=method):
         print(out / name)

@@ -57,6 +57,7 @@ def export_c(
     folder: str | os.PathLike[str],
     *,
     set: Mapping[str, Any] | None = None,
+    method: str = "dop853",
 ) -> list[str]:
     """Write a scene, or the kernels of a user-defined system, as C; return the names of the files.
 
@@ -69,13 +70,18 @@ def export_c(
         A folder that does not exist, is empty, or holds an earlier, unmodified export.
     set
         Values to override: parameter names or dotted keys, as in ``symgen.load_scene``.
+    method
+        Of runs in C: ``dop853``, or of linkages without elastic links ``taylor``.
 
     Raises
     ------
     SceneError, DerivationError
         If the scene is invalid, or the Python file fails.
     ModelError
-        If the name is reserved in C, C++ or the core; for values to set in a user-defined system.
+        If the name is reserved in C, C++ or the core; for values to set in a user-defined system; if there is
+        no such method.
+    CapabilityError
+        If the scene has no export, or none with this method.
     ResultError
         If the folder has other contents or cannot be written. Nothing is written in this case.
     """
@@ -92,7 +98,7 @@ def export_c(
             "  Export a copy under another name."
         )
     files_there = place(Path(folder))
-    return write(Path(folder), list(files_of(exported(scene, set))), files_there)
+    return write(Path(folder), list(files_of(exported(scene, set, method))), files_there)
 
 
 def _of_core() -> set[str]:
@@ -117,7 +123,9 @@ def files_of(x: Exported) -> Iterator[SourceFile]:
     names = "".join(
         (CORE_FOLDER / name).read_text(encoding="utf-8") for name in x.core if name.endswith(".h")
     )
-    names_in_core = sorted({*_DECLARED.findall(names), "core_interrupted", "explicit_kind", "beam_kind"})
+    names_in_core = sorted(
+        {*_DECLARED.findall(names), "core_interrupted", "beam_kind", f"{x.method.kind}_kind"}
+    )
     text = environment().get_template("export/names.h.j2").render(x=x, names=names_in_core)
     yield SourceFile(_NAMES, text)
     for name in x.core:
@@ -126,28 +134,34 @@ def files_of(x: Exported) -> Iterator[SourceFile]:
 
 
 def exported(
-    scene: Scene | SceneText | str | os.PathLike[str], set: Mapping[str, Any] | None = None
+    scene: Scene | SceneText | str | os.PathLike[str],
+    set: Mapping[str, Any] | None = None,
+    method: str = "dop853",
 ) -> Exported:
-    """Return the template data of a scene."""
+    """Return the template data of a scene whose runs take a method of ``RUN_METHODS``."""
+    from symgen.errors import check_known
+    from symgen.export.view import RUN_METHODS
     from symgen.pipeline.build import build, build_scene, text_of
     from symgen.pipeline.systems import derive
     from symgen.pipeline.user_system import equations_of, is_user_file
     from symgen.scene.loading import check_scene, override
     from symgen.scene.resolve import resolve
 
+    check_known(method, RUN_METHODS, "exports have no method")
+    series = method == "taylor"
     if is_user_file(scene):
         built = build(scene, set=set)
-        kernels = _emitted(equations_of(Path(str(scene))), built.description.equations)
-        return cast("Exported", _export_of(built)(built, *kernels))
+        kernels = _emitted(equations_of(Path(str(scene))), built.description.equations, series)
+        return _with_method(method, cast("Exported", _export_of(built)(built, *kernels)))
     text = override(text_of(scene), set or {})
     model = build_scene(text)
     export = _export_of(model)
-    program, sources = _emitted(derive(text), model.description.equations)
+    program, sources = _emitted(derive(text), model.description.equations, series)
     further = further_of(resolve(check_scene(text)))
     parts = {kind: _emitted(system) for kind, system in further.items()}
     sources = (*sources, *(f for _, files in parts.values() for f in files))
     names = ({kind: p.name for kind, (p, _) in parts.items()},) if parts else ()
-    made = cast("Exported", export(model, program, sources, *names))
+    made = _with_method(method, cast("Exported", export(model, program, sources, *names)))
     file = Path(scene).name if isinstance(scene, str | os.PathLike) else ""
     return replace(made, source=shlex.quote(file) if file else "")
 
@@ -163,8 +177,20 @@ def _export_of(model: Any) -> Callable[..., Any]:
     return cast("Callable[..., Any]", method.load("export"))
 
 
-def _emitted(system: System, expected: str = "") -> tuple[Program, tuple[SourceFile, ...]]:
-    """Return the program of a system, and its sources in C, without power series: no export calls them.
+def _with_method(method: str, made: Exported) -> Exported:
+    """Return an export whose runs take this method; raise CapabilityError for another one."""
+    if made.method.name != method:
+        raise CapabilityError(
+            f"{made.name} has no export with {method}: power series are for linkages of points and links and "
+            "user-defined systems whose loads have them\n  Choose dop853."
+        )
+    return made
+
+
+def _emitted(
+    system: System, expected: str = "", series: bool = False
+) -> tuple[Program, tuple[SourceFile, ...]]:
+    """Return the program of a system, and its sources in C; power series only if they are asked for.
 
     Raises
     ------
@@ -183,4 +209,5 @@ def _emitted(system: System, expected: str = "") -> tuple[Program, tuple[SourceF
         raise GenerationError(
             f"the cached kernels of {system.name} belong to other equations\n  Run 'symgen cache clear'."
         )
-    return program, emit(replace(program, series=()), Target(), equations)
+    program = program if series else replace(program, series=())
+    return program, emit(program, Target(), equations)

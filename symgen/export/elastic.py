@@ -67,7 +67,7 @@ def elastic(
     n = x.unknowns
     extra = int(d.work_of_loads)
     rigid = model.rigid.initial_state()
-    kernels, sizes = equations_of(model.rigid, np.inf)
+    kernels, sizes = equations_of(model.rigid, np.inf, program)
     shape = shape_of(model, motion)
     return exported(
         d,

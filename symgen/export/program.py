@@ -8,11 +8,18 @@ from typing import Any
 from symgen.codegen.emit import SourceFile, plain
 from symgen.export.view import Exported, braces, with_headers
 from symgen.lowering.kernel import Kernel, Program, Slot
+from symgen.runtime.integrate.integrators import INTEGRATORS
+from symgen.runtime.integrate.integrators.method import Integrator
 from symgen.runtime.kernels.description import Described
 
 
 def exported(
-    d: Described, program: Program, sources: tuple[SourceFile, ...], core: Sequence[str], **fields: Any
+    d: Described,
+    program: Program,
+    sources: tuple[SourceFile, ...],
+    core: Sequence[str],
+    method: Integrator = INTEGRATORS["dop853"],
+    **fields: Any,
 ) -> Exported:
     """Return the exported data of a model.
 
@@ -21,7 +28,9 @@ def exported(
     d, program, sources
         The description, the lowered equations of motion, and all kernels in C.
     core
-        Source files of the core that the model needs.
+        Source files of the core that the model needs, besides that of the method; none without runs.
+    method
+        The method of its runs.
     fields
         Data of the model's family.
     """
@@ -30,7 +39,8 @@ def exported(
         title=_title_of(sources),
         equations=d.equations,
         references=program.references,
-        core=with_headers(core),
+        core=with_headers([*core, f"{method.kind}.c"] if core else ()),
+        method=method,
         kernels=sources,
         **fields,
     )

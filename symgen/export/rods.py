@@ -26,19 +26,19 @@ from symgen.export.view import (
 from symgen.lowering.kernel import Program
 from symgen.runtime import _core
 from symgen.runtime.integrate.integrators import INTEGRATORS
+from symgen.runtime.integrate.integrators.method import Integrator
 from symgen.runtime.integrate.redundancy import slack
 from symgen.runtime.integrate.simulate import effects_of
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.model.rods import RodModel
 
-#: Core files of a run; the first ones are common to all families.
+#: Core files of a run with any method.
 CORE = (
     "branch.c",
     "coordinates.c",
     "equations.c",
     "events.c",
-    "explicit.c",
     "kinematics.c",
     "linear.c",
     "rank.c",
@@ -52,25 +52,27 @@ CORE = (
 #: Kernels that the core calls for a linkage, in the order of its struct.
 KERNELS = (
     "accelerations", "factor", "solve", "constraints", "velocity_constraints", "energy", "residual", "events",
-    "setup",
+    "setup", "series",
 )  # fmt: skip
 #: Maximum number of events of each kind that the core stores.
 REMEMBERED = 64
 
 
 def rods(model: RodModel, program: Program, sources: tuple[SourceFile, ...]) -> Exported:
-    """Return the exported data of a linkage without elastic links."""
+    """Return the exported data of a linkage: runs by power series if the program has them."""
     d = model.description
     state = model.initial_state()
     extra = int(d.work_of_loads)
     start = np.concatenate([state.q, state.u, np.zeros(extra)])
-    kernels, sizes = equations_of(model, slack(model.evaluator, state.q) if d.redundant else np.inf)
-    expected, until = _expected(model, start)
+    method = INTEGRATORS["taylor" if program.series else "dop853"]
+    kernels, sizes = equations_of(model, slack(model.evaluator, state.q) if d.redundant else np.inf, program)
+    expected, until = _expected(model, start, method)
     return exported(
         d,
         program,
         sources,
         CORE,
+        method,
         family="rods",
         core_headers=("run.h",),
         coordinates=d.coordinates,
@@ -78,7 +80,7 @@ def rods(model: RodModel, program: Program, sources: tuple[SourceFile, ...]) -> 
         **arguments(d, program),
         start=braces(start, 1),
         t_end=number(d.t_end),
-        tables=(*_event_tables(d), *method_tables()),
+        tables=(*_event_tables(d), *method_tables(method)),
         records=(ConstantStruct("kernels", "KERNELS", kernels), ConstantStruct("sizes", "SIZES", sizes)),
         expected=expected,
         notes=_notes(d),
@@ -89,10 +91,10 @@ def rods(model: RodModel, program: Program, sources: tuple[SourceFile, ...]) -> 
     )
 
 
-def equations_of(model: RodModel, allowed: float) -> tuple[Any, Any]:
+def equations_of(model: RodModel, allowed: float, program: Program) -> tuple[Any, Any]:
     """Return the members of the structs ``kernels`` and ``sizes`` of a linkage."""
-    d = model.description
-    kernels = members(**functions(d.name, KERNELS, (k.name for k in d.kernels)))
+    d, series = model.description, bool(program.series)
+    kernels = members(**functions(d.name, KERNELS, [*(k.name for k in d.kernels), *["series"][:series]]))
     sizes = members(
         n=d.coordinates,
         m=len(d.constraints),
@@ -106,6 +108,8 @@ def equations_of(model: RodModel, allowed: float) -> tuple[Any, Any]:
         switches=len(d.switches),
         windings=d.windings,
         turns=len(d.turns),
+        series_rows=d.series_rows if series else 0,
+        series_watched=d.series_watched if series else 0,
         rank_tolerance=float(d.rank_tolerance),
         slack=float(allowed),
     )
@@ -121,14 +125,14 @@ def _event_tables(d: Description) -> tuple[ConstantArray, ...]:
     )
 
 
-def _expected(model: RodModel, start: Any) -> tuple[tuple[ConstantArray, ...], float]:
+def _expected(model: RodModel, start: Any, method: Integrator) -> tuple[tuple[ConstantArray, ...], float]:
     """Run for a short time; return reference values for the test of the export, and the final time."""
     d, redundant = model.description, model.description.redundant
     q = start[: d.coordinates]
     equations = model.evaluator.equations(len(redundant), slack(model.evaluator, q) if redundant else np.inf)
     until = min(d.t_end, COMPARED)
     events = [e.direction for e in d.events], effects_of(d.events)
-    expected = expected_of_run(equations, 0.0, start, until, *events)
+    expected = expected_of_run(equations, 0.0, start, until, *events, method=method)
     derivative, ends, t, last = expected
     tables = (derivative, ends, doubles("STATE", last))
     if not _compares(d):
@@ -152,10 +156,10 @@ def expected_of_run(
     until: float,
     directions: Sequence[int] = (),
     terminal: Sequence[int] = (),
+    method: Integrator = INTEGRATORS["dop853"],
 ) -> tuple[ConstantArray, ConstantArray, float, Any]:
     """Return the initial derivative and the final values of a run as tables, with final time and state."""
     derivative = equations.derivative(t0, np.append(start, 0.0))
-    method = INTEGRATORS["dop853"]
     run = _core.Run(
         equations,
         method,

@@ -29,6 +29,9 @@ ATOL = 1e-12
 #: Folder with the files of the core.
 CORE_FOLDER = Path(__file__).resolve().parent.parent / "runtime" / "core"
 
+#: The methods of ``NAME_run``, the default first.
+RUN_METHODS = ("dop853", "taylor")
+
 #: The templates of the export of a scene, and the file names that they produce from its name.
 TEMPLATES = (
     ("model.h.j2", "{}.h"),
@@ -68,6 +71,8 @@ class Exported:
     ----------
     name, title, equations, references
         Of the scene and its derivation.
+    method
+        The method of its runs.
     family
         ``rods``, ``loop`` or ``elastic``, the kind of run; or ``system``, which has none.
     templates
@@ -105,6 +110,7 @@ class Exported:
     kernels: tuple[SourceFile, ...]
     tables: tuple[ConstantArray, ...]
     expected: tuple[ConstantArray, ...]
+    method: Integrator = INTEGRATORS["dop853"]
     core_headers: tuple[str, ...] = ()
     coordinates: int = 0
     state: tuple[Slot, ...] = ()
@@ -156,11 +162,6 @@ class Exported:
     def ended(self) -> int:
         """Status of a run that ended at an event."""
         return int(_core.ENDED)
-
-    @property
-    def error_order(self) -> int:
-        """Order of the error estimate of the integration method."""
-        return int(INTEGRATORS["dop853"].error_order)
 
 
 def with_headers(sources: Iterable[str]) -> tuple[str, ...]:

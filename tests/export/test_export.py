@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 from shared.ball_poles import CASE, CRANK, Straight
 from shared.full import full, full_unless
-from shared.shipped import OF_ALL_TYPES
+from shared.linkages import at, ground
+from shared.shipped import ELASTIC, LINKAGES, OF_ALL_TYPES
 from typer.testing import CliRunner
 
 import symgen
 from symgen.cli import app
-from symgen.errors import ModelError, ResultError
+from symgen.errors import CapabilityError, ModelError, ResultError
 from symgen.export import export_c
 from symgen.scene.loading import scene_path
 
@@ -52,6 +53,10 @@ def compiled(folder, name, compiler, program, *flags):
 
 def run(*command):
     return run_in(None, *command)
+
+
+def states(said):
+    return [float(x) for x in re.findall(r"^y\[\d+\] = (\S+)$", said, re.M)]
 
 
 def run_in(folder, *command):
@@ -88,6 +93,55 @@ def test_the_same_bits(name, compiler, folders, tmp_path):
         assert re.search(r"^outputs +\d+ numbers", said, re.M) and ", 0 by too much" in said
 
 
+RODS = [name for name in LINKAGES if name not in ELASTIC]
+
+
+@needs("gcc")
+@pytest.mark.parametrize("name", full_unless(lambda name: name == "car_axis", RODS))
+def test_power_series_in_c(name, tmp_path):
+    """The bits of the library, and the end that it finds by another method."""
+    export_c(name, tmp_path / name, method="taylor")
+    assert "all the same to the last bit" in run(compiled(tmp_path / name, name, "gcc", "check"), "--bits")
+    if name == "car_axis":
+        ends = states(run(compiled(tmp_path / name, name, "gcc", "main", *SANITIZED)))
+        model = symgen.build(name)
+        for method, close in (("taylor", 1e-12), ("dop853", 1e-7)):
+            final = model.simulate(method=method, rtol=1e-9, atol=1e-12).final
+            expected = [
+                x for what in ("position", "velocity") for p in model.description.free for x in final[p][what]
+            ]
+            assert ends[: len(expected)] == pytest.approx(expected, abs=close)
+
+
+@needs("gcc")
+@pytest.mark.parametrize(("method", "ends"), [("taylor", True), ("dop853", False)])
+def test_an_event_within_a_step_ends_a_run_in_c(method, ends, tmp_path):
+    """A point thrown to 1 m in 0.5 s is above the event for 3e-4 s, between the probes of other methods."""
+    scene = symgen.Scene(
+        points={"O": ground(0, -9), "G": ground(1, -9), "A": at(0, 0)},
+        links={"base": {"points": ["O", "G"]}},
+        masses=[{"point": "A", "mass": "1 kg"}],
+        gravity={"acceleration": ["0 m/s^2", "-8 m/s^2"]},
+        start={"velocities": {"A": ["1 m/s", "4 m/s"]}},
+        events=[{"name": "high", "of": "A.y", "value": "0.9999999 m", "ends_run": True}],
+        analysis={"t_end": "1 s"},
+    )
+    export_c(scene, tmp_path / "scene", method=method)
+    said = run(compiled(tmp_path / "scene", "scene", "gcc", "main"))
+    assert said.startswith("an event of the scene ended the run") == ends
+    t = 0.5 - np.sqrt(1e-7) / 2 if ends else 1.0
+    assert float(re.search("t = ([0-9.e-]+) s", said)[1]) == pytest.approx(t, abs=1e-9)
+    assert states(said)[:2] == pytest.approx([t, 4 * t * (1 - t)], abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["screw_jack", "elastic_slider_crank"])
+def test_what_has_no_power_series_says_so(name, tmp_path):
+    done = CliRunner().invoke(app, ["export", name, "--out", str(tmp_path / "out"), "--method", "taylor"])
+    assert isinstance(done.exception, CapabilityError)
+    assert f"{name} has no export with taylor" in str(done.exception)
+    assert not (tmp_path / "out").exists()
+
+
 @needs("cmake")
 @pytest.mark.full
 def test_cmake_builds_and_tests_an_export(tmp_path):
@@ -115,7 +169,7 @@ def test_a_wrong_number_is_found(folders, tmp_path):
 @needs("gcc")
 def test_the_example_ends_where_python_ends(folders):
     said = run(compiled(folders["vertical_rods"], "vertical_rods", "gcc", "main"))
-    found = [float(x) for x in re.findall(r"^y\[\d+\] = (\S+)$", said, re.M)]
+    found = states(said)
     final = symgen.build("vertical_rods").simulate().final
     free = symgen.build("vertical_rods").description.free
     expected = [x for what in ("position", "velocity") for p in free for x in final[p][what]]
@@ -142,7 +196,7 @@ def test_a_free_loop_runs_past_the_poles_of_its_balls(tmp_path, past):
     said = run(compiled(tmp_path / "ball_poles", "ball_poles", "gcc", "main"))
     assert said.startswith("done: t = 1 s")
     shown = dict(re.findall(r"^(\S+) = (\S+) \S+$", said, re.M))
-    state = [float(x) for x in re.findall(r"^y\[\d+\] = (\S+)$", said, re.M)]
+    state = states(said)
     angle, rate = state[0], float(shown["theta1.rate"])
     straight = Straight(offset)
     assert angle > 1.5 * np.pi
@@ -229,7 +283,7 @@ def test_what_depends_on_parameters_alone_is_computed_in_c(tmp_path):
 
 
 def test_the_readme_has_every_source_and_a_command_that_exports_the_scene_again(folders, tmp_path):
-    """Kernels of power series, which nothing there calls, are left out."""
+    """Kernels of power series, which only runs by them call, are left out of the others."""
     for name, folder in folders.items():
         named = {*folder.glob("*_kernel*.c"), *(folder / n for n in ("main.c", "check.c", f"{name}.c"))}
         assert {*folder.glob("*.c")} == named
@@ -237,7 +291,7 @@ def test_the_readme_has_every_source_and_a_command_that_exports_the_scene_again(
         assert f"symgen export {name} --out FOLDER" in (folder / "README.md").read_text()
     file = tmp_path / "two rods.toml"
     shutil.copy(scene_path("vertical_rods"), file)
-    export_c(file, tmp_path / "first")
+    export_c(file, tmp_path / "first", method="taylor")
     text = (tmp_path / "first" / "README.md").read_text()
     command = shlex.split(re.search("`symgen (export .*) --out FOLDER`", text)[1])
     with contextlib.chdir(tmp_path):
