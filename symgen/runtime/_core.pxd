@@ -83,7 +83,7 @@ cdef extern from "core/core.h" nogil:
 
     cdef struct task:
         double t0, t_end, rtol, atol, step, max_drift, max_step
-        long stabilisation, samples, places_only, found, nodes
+        long stabilisation, samples, places_only, found, nodes, continues
 
     cdef struct run:
         size_t bytes
@@ -175,6 +175,9 @@ cdef extern from "core/core.h" nogil:
         void (*run_set_nodes)(run *, const double *, const long *) noexcept nogil
         int (*run_valid)(const run *) noexcept nogil
         int (*run_begin)(run *) noexcept nogil
+        void (*run_extend)(run *, double) noexcept nogil
+        int (*run_restart)(run *, int) noexcept nogil
+        void (*run_record)(run *) noexcept nogil
         int (*run_advance)(run *, long) noexcept nogil
         void (*run_report)(const run *, report *) noexcept nogil
         const void *(*run_state)(const run *) noexcept nogil

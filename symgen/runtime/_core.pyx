@@ -9,7 +9,7 @@ import numpy as np
 from cpython.buffer cimport PyBUF_STRIDES, PyBuffer_Release, PyObject_GetBuffer
 from cpython.bytes cimport PyBytes_FromStringAndSize
 from cpython.exc cimport PyErr_CheckSignals
-from libc.math cimport INFINITY
+from libc.math cimport INFINITY, rint
 from libc.stdint cimport uintptr_t
 from libc.stdlib cimport calloc, free
 from libc.string cimport memcpy
@@ -31,6 +31,12 @@ STABILISATIONS = {"projection": _PROJECTION, "baumgarte": _BAUMGARTE, "raw": _RA
 
 # Capacity of the core's record of events, for each event function.
 cdef long REMEMBERED = 64
+
+
+# Steps of a call between two looks for Ctrl-C.
+cdef long STEPS_AT_ONCE = 1024
+
+cdef double REVOLUTION = 6.283185307179586476925286766559
 
 
 # Alignment of vectors.
@@ -465,6 +471,14 @@ cdef class Integrable:
         at_least("parameters", parameters.shape[0], self.core.sizes.parameters)
         self.of.api.set_parameters(self.core, &parameters[0], NULL)
 
+    def put(self, Py_ssize_t place, double value):
+        """Set a parameter of equations in doubles and return its value before; a run restarts before its next step."""
+        if self.of.api.real_bytes != sizeof(double) or not 0 <= place < self.core.sizes.parameters:
+            raise ValueError("expected equations in doubles, and the number of a parameter")
+        cdef double before = self.core.p[place]
+        self.core.p[place] = value
+        return before
+
     def check(self, double t, const double[::1] y):
         """Factorise at y; return the status, the unknown of least pivot in ``weakest``, and in ``soundness`` the part
         of that pivot that remains after cancellation."""
@@ -603,6 +617,8 @@ cdef class Run:
         Times at which steps end, increasing from t0 to t_end, and the number of equal steps to each from the one before
         it: 0 to the first, and where the state is kept up to a node, at which the method starts anew; -1 for steps of
         the method's own choice.
+    continues
+        The run goes on from its end by :meth:`step`; its present state is its only sample.
     """
 
     cdef Integrable equations
@@ -618,6 +634,7 @@ cdef class Run:
     cdef readonly bint stiff
     cdef readonly Py_ssize_t dim
     cdef readonly list passages, events
+    cdef double t_left
     cdef tuple ways
     cdef const double[::1] nodes
     cdef const long[::1] counts
@@ -626,7 +643,7 @@ cdef class Run:
                  double atol, double step, const double[::1] times, *, long stabilisation=0, double max_drift=INFINITY,
                  double max_step=0.0,
                  bint places_only=False, directions=(), terminal=(), const double[::1] nodes=None,
-                 counts=()):
+                 counts=(), bint continues=False):
         cdef const signed char[::1] ways, effects
         cdef const signed char *way = NULL
         cdef const char *end = NULL
@@ -650,6 +667,9 @@ cdef class Run:
         self.asked.max_step = max_step
         self.asked.samples, self.asked.found = times.shape[0], REMEMBERED * len(directions)
         self.asked.places_only, self.asked.nodes = places_only, 0 if nodes is None else nodes.shape[0]
+        self.asked.continues = continues
+        if continues and (nodes is not None or times.shape[0] != 1):
+            raise ValueError("expected one sample and no nodes of a run that goes on from its end")
         self.nodes = nodes
         if self.asked.nodes:
             self.counts = np.array(counts, "l")
@@ -742,6 +762,76 @@ cdef class Run:
         self._look()
         return status
 
+    def step(self, double h):
+        """Go on for a time h from the end of a run that continues; return DONE or the status of the failure. Passages
+        and events are those of this call."""
+        cdef int status = _MORE
+        cdef double begin = self.t, whole = h + self.t_left, end = begin + whole
+        if end == begin:
+            whole, end = h, begin + h
+        if not (self.asked.continues and begin < end < INFINITY):
+            raise ValueError("expected a run that continues, and a time that advances it")
+        if self.passages or self.events:
+            self.passages, self.events = [], []
+        self.asked.t_end = end
+        self.of.api.run_extend(self.core, end)
+        while status == _MORE:
+            with nogil:
+                status = self.of.api.run_advance(self.core, STEPS_AT_ONCE)
+            self._look()
+            if status == _MORE:
+                PyErr_CheckSignals()
+        self.t_left = whole - (end - begin) if status == _DONE else 0.0
+        if FAILURES.errors:
+            raise_failure()
+        return status
+
+    def restart(self, bint moves):
+        """Start the method anew after a change of the equations' parameters; ``moves``: of those of constraints, onto
+        which the state is projected. Return MORE or the status of the failure."""
+        cdef int status = self.of.api.run_restart(self.core, moves)
+        self._look()
+        return status
+
+    def continue_as(self, Run other):
+        """Take over the present state of a run with the same equations and options."""
+        self.asked.t0, self.asked.t_end, self.t_left = other.asked.t0, other.asked.t_end, other.t_left
+        self.restore(*other.save())
+
+    def present(self):
+        """Return the present state, and record it as the only sample of a run that continues."""
+        if not self.asked.continues:
+            raise ValueError("expected a run that continues")
+        self.of.api.run_record(self.core)
+        self.recorded = 1
+        return self.state
+
+    def outputs(self, KernelEquations at, uintptr_t address, numbers, turning):
+        """Return the output of a kernel of doubles at the state of :meth:`present`, with one number more.
+
+        ``at`` are other equations of the same model, whose memory is used, ``numbers`` the sizes as in :func:`call`, and
+        ``turning`` pairs of places of angles in the output and of continuous angles, nearest to which they are shifted
+        by revolutions.
+        """
+        cdef const sizes *of = &self.equations.core.sizes
+        cdef const double *y = <const double *>self.of.api.run_samples(self.core)
+        cdef const double *turns = <const double *>self.of.api.run_turns(self.core)
+        cdef Py_ssize_t place, turn
+        cdef double[::1] out = np.empty(numbers[5] + 1)
+        if not (self.of.api.real_bytes == at.of.api.real_bytes == sizeof(double) and at.core.sizes.parameters == of.parameters
+                and at.core.sizes.derived == of.derived):
+            raise ValueError("expected equations of the same model in doubles")
+        _fits(numbers, 1, self.equations.n, self.dim - self.equations.n, of.parameters + of.derived + 1, at.n + at.m, numbers[5])
+        memcpy(at.core.p, self.equations.core.p, (of.parameters + of.derived + 1) * sizeof(double))
+        if numbers[4]:
+            at.core.of.accelerate(at.core, self.t, y)
+        (<kernel_t>address)(&self.t, y, y + self.equations.n, at.core.p, at.core.out, &out[0])
+        for place, turn in turning:
+            out[place] += rint((turns[turn] - out[place]) / REVOLUTION) * REVOLUTION
+        if FAILURES.errors:
+            raise_failure()
+        return out.base
+
     def advance_noting(self, double[::1] t, double[:, ::1] y, double[:, ::1] references):
         """Take at most one step per row; write time, state, references of angles and branches of loads after it.
         Return the status and the number of rows written. Runs in doubles only."""
@@ -817,4 +907,8 @@ cdef class Run:
     @property
     def state(self):
         """The last accepted state."""
-        return self._doubles(self.of.api.run_state(self.core), 1, self.dim)[0]
+        found = np.empty(self.dim)
+        cdef double[::1] to = found
+        if self.dim:
+            self.of.api.narrow(self.dim, self.of.api.run_state(self.core), &to[0], NULL)
+        return found

@@ -79,6 +79,10 @@ static void run_start(struct run *run, const double *y0, const double *y0_low, c
     }
 }
 
+static void extend(struct run *run, double t_end) {
+    run_extend(run, R(t_end));
+}
+
 static void run_report(const struct run *run, struct report *report) {
     const struct state *s = run->state;
     *report = (struct report){
@@ -184,6 +188,9 @@ const struct core_api symgen_core = {
     .run_set_nodes = run_set_nodes,
     .run_valid = run_valid,
     .run_begin = run_begin,
+    .run_extend = extend,
+    .run_restart = run_restart,
+    .run_record = run_record,
     .run_advance = run_advance,
     .run_report = run_report,
     .run_state = state_of,

@@ -25,7 +25,7 @@
 #endif
 
 /* The binding refuses a compiled core with another version. */
-#define CORE_VERSION 22L
+#define CORE_VERSION 23L
 
 /* A run in doubles. */
 struct report {
@@ -91,6 +91,9 @@ struct core_api {
     void (*run_set_nodes)(struct run *run, const double *nodes, const long *counts);
     int (*run_valid)(const struct run *run);
     int (*run_begin)(struct run *run);
+    void (*run_extend)(struct run *run, double t_end);
+    int (*run_restart)(struct run *run, int moves);
+    void (*run_record)(struct run *run);
     int (*run_advance)(struct run *run, long most);
     void (*run_report)(const struct run *run, struct report *report);
     const void *(*run_state)(const struct run *run);     /* y, dim reals */

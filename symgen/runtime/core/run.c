@@ -259,7 +259,8 @@ static void record_present(struct run *run) {
     }
 }
 
-int run_begin(struct run *run) {
+/* Project y onto the constraints. */
+static int place_start(struct run *run) {
     struct state *s = run->state;
     struct equations *e = run->e;
     if (e->sizes.choices)
@@ -268,8 +269,14 @@ int run_begin(struct run *run) {
     if (status != DONE)
         return status;
     s->sound = s->at_look = s->at_before = e->account->soundness;
+    s->t_old = s->t_look = s->t_before = s->t;
     follow_windings(run, s->t);
-    status = begin_switches(run);
+    return DONE;
+}
+
+/* Start the method at y, which is on the constraints. */
+static int start_motion(struct run *run) {
+    int status = begin_switches(run);
     if (status == DONE)
         status = run->scheme.kind->begin(run);
     if (status != DONE)
@@ -279,9 +286,35 @@ int run_begin(struct run *run) {
     begin_events(run);
     status = monitor(run);
     record_present(run);
-    if (run->scheme.adaptive && run->task.step == 0.0)
-        s->h = run->scheme.kind->longest ? R(run->task.t_end) - s->t : first_step(run);
     return status;
+}
+
+int run_begin(struct run *run) {
+    int status = place_start(run);
+    if (status == DONE)
+        status = start_motion(run);
+    if (status == MORE && run->scheme.adaptive && run->task.step == 0.0)
+        run->state->h = run->scheme.kind->longest ? R(run->task.t_end) - run->state->t : first_step(run);
+    return status;
+}
+
+void run_extend(struct run *run, real t_end) {
+    run->task.t_end = (double)t_end;
+    run->nodes[run->task.nodes] = t_end;
+    run->state->t_left = 0;
+}
+
+int run_restart(struct run *run, int moves) {
+    set_up(run->e);
+    int status = moves ? place_start(run) : DONE;
+    run->state->energy_start = REAL_INFINITY;
+    return status == DONE ? start_motion(run) : status;
+}
+
+void run_record(struct run *run) {
+    run->times[0] = run->state->t;
+    run->state->recorded = 0;
+    record_present(run);
 }
 
 /* Return the length of the next attempt after a step with this error over the tolerance. */

@@ -40,6 +40,7 @@ struct task {
                             */
     long found;          /* capacity of the record of events; at least MOST_COEFFICIENTS of each kind */
     long nodes;          /* number of times at which steps end before the end of the run, see run->nodes */
+    long continues;      /* whether the run may go on from its end, see run_extend */
 };
 
 /* Least and greatest change of the step. */
@@ -211,6 +212,16 @@ void run_set_nodes(struct run *run, const double *nodes, const long *counts);
 
 /* Project and record the start, estimate the first step; return MORE or the status of the failure. */
 int run_begin(struct run *run);
+
+/* Move the end of a run that has come to it, without nodes. */
+void run_extend(struct run *run, real t_end);
+
+/* Start the method anew at the present state, after a change of parameters in e->p; `moves`: the change may move the
+   constraints, onto which the state is projected. Return MORE or the status of the failure. */
+int run_restart(struct run *run, int moves);
+
+/* Record the present state as the only sample, of at least one. */
+void run_record(struct run *run);
 
 /* Take at most `most` steps; return MORE, DONE, ENDED or the status of the failure. Returns early with MORE if the
    record of events or passages is full: the caller takes them and sets their counts to zero. */

@@ -77,16 +77,7 @@ def run(
     def anew(way: Options, keeping: CheckpointOptions | None) -> Result:
         return run(evaluator, t0, y, redundant, way, progress, typed, keeping, tangent, t_eval, given)
 
-    allowed = slack(evaluator, y[: len(y) // 2]) if redundant else np.inf
-    if redundant and typed is not None:
-        allowed = typed.precision.coarsened(allowed)
-    equations = evaluator.equations(
-        len(redundant), allowed, stabilisation=chosen.rate, typed=typed, tangent=tangent
-    )
-    y0 = y
-    if equations.extra:
-        y0 = np.zeros(equations.dim)
-        y0[:-1] = y
+    equations, y0 = equations_of(evaluator, y, redundant, chosen, typed, tangent)
     events = evaluator.description.events
     stepper = stepper_of(
         equations,
@@ -123,6 +114,24 @@ def run(
         time=stepper.t,
         partial=result if stepper.recorded else None,
     )
+
+
+def equations_of(
+    evaluator: Evaluator,
+    y: Array,
+    redundant: tuple[int, ...],
+    chosen: Options,
+    typed: Typed | None = None,
+    tangent: Evaluator | None = None,
+) -> tuple[_core.KernelEquations, Array]:
+    """Return the equations of a run from y = (q, u), and y with the work of loads where it is integrated."""
+    allowed = slack(evaluator, y[: len(y) // 2]) if redundant else np.inf
+    if redundant and typed is not None:
+        allowed = typed.precision.coarsened(allowed)
+    equations = evaluator.equations(
+        len(redundant), allowed, stabilisation=chosen.rate, typed=typed, tangent=tangent
+    )
+    return equations, np.append(y, 0.0) if equations.extra else y
 
 
 def check_end(t0: float, chosen: Options) -> None:

@@ -16,13 +16,14 @@ from symgen.runtime.closure.assemblies import search
 from symgen.runtime.closure.first_closure_in_range import closed_later
 from symgen.runtime.closure.parameter_homotopy import state_at
 from symgen.runtime.closure.start import Closed, close_near, counted
+from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.kernels.arguments import real, reals
 from symgen.runtime.kernels.description import LoopDescription
 from symgen.runtime.loop.driven import STAGES, driven, follow, follow_through, followed, moving_at, not_driven
 from symgen.runtime.loop.kernels import LoopKernels
-from symgen.runtime.loop.motion import rates_at_start
-from symgen.runtime.model.arguments import Derivatives, PosesArguments, RunArguments, takes
+from symgen.runtime.loop.motion import LoopStepper, rates_at_start, run
+from symgen.runtime.model.arguments import Derivatives, PosesArguments, RunArguments, Stepping, takes
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.model.model import Model
 from symgen.runtime.result.state import AssemblyModes, State
@@ -124,7 +125,7 @@ class LoopModel(Model):
     def _refused(self, name: str) -> str | None:
         d = self.description
         free = d.having("free")
-        if name == "simulate" and not free:
+        if name in ("simulate", "stepper") and not free:
             return (
                 "it has no free variable: its inputs move it\n"
                 "  Evaluate it over its range ('symgen inverse-dynamics SCENE', model.inverse_dynamics()), "
@@ -352,26 +353,36 @@ class LoopModel(Model):
 
     @takes(RunArguments)
     def _simulate(self, request: RunArguments) -> Result:
-        from symgen.runtime.loop.derivatives.tangents import check_closed
-        from symgen.runtime.loop.motion import run
-
-        chosen = request.options(self.description.t_end, self._type)
+        chosen = _explicit(request.options(self.description.t_end, self._type))
         if chosen.stabilisation == "baumgarte":
             raise ModelError("baumgarte is for linkages of points and links: loops take projection, or raw")
-        if chosen.method.kind != "explicit":
-            raise ModelError(
-                f"{chosen.method.name} is for linkages of points and links, not for loops of joints"
-            )
         keeping = request.keeping()
-        begin, state = self.closed_start(), request.state
-        rates = np.array([v.start_rate for v in self.description.variables])
-        if state is not None:
-            check_closed(self.kernels, state)
-            begin, rates = Closed(state.t, state.q.copy(), begin.rank), state.u
         with limited(request.max_wall):
+            begin, rates = self._begun(request.state)
             return run(self.kernels, begin, rates, chosen, request.progress, keeping, request.t_eval)
+
+    def _begun(self, state: State | None) -> tuple[Closed, Array]:
+        """Return the closed pose in which a motion starts, and rates; of these, free variables count."""
+        from symgen.runtime.loop.derivatives.tangents import check_closed
+
+        begin = self.closed_start()
+        if state is None:
+            return begin, np.array([v.start_rate for v in self.description.variables])
+        check_closed(self.kernels, state)
+        return Closed(state.t, state.q.copy(), begin.rank), state.u
+
+    @takes(Stepping)
+    def _stepper(self, request: Stepping) -> LoopStepper:
+        return LoopStepper(self, _explicit(request.options()), request.state)
 
     def _compiled_runs(self, runs: Runs, first: Any) -> DrivenLoops | None:
         from symgen.runtime.loop.many.driven import driven_loops
 
         return driven_loops(self, first, runs.columns) if first.KIND == Turn.KIND else None
+
+
+def _explicit(chosen: Options) -> Options:
+    """Return the options of a run; raise ModelError for a method that loops do not take."""
+    if chosen.method.kind != "explicit":
+        raise ModelError(f"{chosen.method.name} is for linkages of points and links, not for loops of joints")
+    return chosen

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +20,7 @@ from symgen.runtime.integrate.failures import of_sliding, unfinished
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.pace import OUT_OF_TIME, Progress, out_of_time
 from symgen.runtime.integrate.simulate import check_end, drive, sample_times, stepper_of
+from symgen.runtime.integrate.stepper import Stepper
 from symgen.runtime.kernels.typed import build_settings, library_of_runs
 from symgen.runtime.loop.ball_poles import ball_pole, in_other_angles
 from symgen.runtime.loop.kernels import LoopKernels, in_words
@@ -31,8 +33,9 @@ from symgen.runtime.result.recording import (
     of_switches,
     options_of,
 )
-from symgen.runtime.result.records import of_model, over_time
+from symgen.runtime.result.records import LocatedEvent, of_model, over_time
 from symgen.runtime.result.result import Result
+from symgen.runtime.result.state import State
 from symgen.runtime.result.turn import variables
 
 _AXES = ("x", "y", "z")
@@ -231,3 +234,50 @@ def problem(kernels: LoopKernels, stepper: _core.Run, chosen: Options, status: i
             f"  Loosen rtol and atol. State: {where}."
         )
     return unfinished(stepper, chosen, at)
+
+
+class LoopStepper(Stepper):
+    """A motion of a loop under forces that advances by calls."""
+
+    def _independent(self) -> tuple[str, ...]:
+        inputs: tuple[str, ...] = self._model.description.inputs
+        return inputs
+
+    def _new(self, state: State | None) -> tuple[Any, Any, float, Array, dict[str, Any]]:
+        model, d = self._model, self._model.description
+        kernels, (begin, rates) = model.kernels, model._begun(state)
+        equations = kernels.equations([*d.having("dependent"), *d.having("free")], begin.rank)
+        in_use, q = kernels, begin.q
+        if ball_pole(kernels, begin.t, begin.q):
+            in_use, q = in_other_angles(kernels, equations, begin.q)
+        y = np.concatenate([q, rates_at(in_use, replace(begin, q=q), rates), [0.0]])
+        return equations, None, begin.t, y, {}
+
+    @property
+    def state(self) -> State:
+        """The present state, for :meth:`reset` and for analyses of the model."""
+        state: State = self._model._as_state(self.t, *np.split(self.y, 2))
+        return state
+
+    @property
+    def events(self) -> tuple[LocatedEvent, ...]:
+        """No events: loops have none."""
+        return ()
+
+    @property
+    def _kernels(self) -> LoopKernels:
+        """The kernels with the present parameters."""
+        parameters = self._model.kernels.parameter_values.copy()
+        parameters[: len(self._places)] = self._equations.parameters[: len(self._places)]
+        kernels: LoopKernels = self._model.kernels.at(parameters)
+        return kernels
+
+    def _evaluated(self) -> Array:
+        self._run.present()
+        rows = np.append(self._run.result, [[0.0]], axis=1)
+        of_run = self._run.sampled, rows, self._run.references, self._run.turns
+        row: Array = LoopSamples(self._kernels, self._equations.rank, *of_run).outputs()[0]
+        return row
+
+    def _cause(self, status: int) -> str:
+        return problem(self._kernels, self._run, self._chosen, status)

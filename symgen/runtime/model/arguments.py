@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 F = TypeVar("F", bound=Callable[..., Any])
 Path = str | os.PathLike[str]
+#: Time [s] within which the first step of a motion without an end is sought.
+_HORIZON = 1.0
 
 
 def takes(record: type) -> Callable[[F], F]:
@@ -94,6 +96,23 @@ class LinkageRun(RunArguments):
     """A run of a linkage of points and links."""
 
     stabilisation_rate: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stepping:
+    """A motion that advances by calls."""
+
+    method: str | None = None
+    rtol: float | None = None
+    atol: float | None = None
+    step: float | None = None
+    max_step: float | None = None
+    state: State | None = None
+
+    def options(self) -> Options:
+        """Return the checked options of its run."""
+        numbers = (self.method, self.rtol, self.atol, self.step)
+        return options(_HORIZON, *numbers, 2, 1_000_000_000, max_step=self.max_step)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Calls of the compiled kernels of a model by name, and results of states that other programs integrated."""
+"""Calls of the compiled kernels of a model, its motion by steps, and results of states of other programs."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.model.verbs import verb
 
 if TYPE_CHECKING:
+    from symgen.runtime.integrate.stepper import Stepper
     from symgen.runtime.kernels.batch import Rows
     from symgen.runtime.result.result import Result
+    from symgen.runtime.result.state import State
 
 
 class KernelCalls:
-    """Calls of the kernels of scenes and of user-defined systems, declared for every model."""
+    """Calls of kernels and steps, for programs around a model, declared for every model."""
 
     @verb
     def batch(
@@ -111,5 +113,36 @@ class KernelCalls:
         ------
         ModelError
             When there is no such kernel, or for arrays of other sizes.
+        """
+        raise NotImplementedError
+
+    @verb
+    def stepper(
+        self,
+        *,
+        method: str | None = None,
+        rtol: float | None = None,
+        atol: float | None = None,
+        step: float | None = None,
+        max_step: float | None = None,
+        state: State | None = None,
+    ) -> Stepper:
+        """Return a motion that advances by calls, for control loops: see ``docs/control.md``.
+
+        It takes the steps of :meth:`simulate`, in float64.
+
+        Parameters
+        ----------
+        method, rtol, atol, step, max_step
+            As for :meth:`simulate`. The last of fixed steps in a call is as long as the rest.
+        state
+            Initial state; by default that of the scene.
+
+        Raises
+        ------
+        ModelError
+            For options out of range, and a state of another model.
+        InitialStateError, SimulationError
+            When the start cannot be assembled, or there is no motion from it.
         """
         raise NotImplementedError

@@ -125,11 +125,15 @@ class Recording:
 
     def events(self) -> tuple[LocatedEvent, ...]:
         """Return the located events of the scene."""
-        known = self.evaluator.description.events
-        return tuple(
-            LocatedEvent(known[i].name, t, rising, motion(self.evaluator, t, y))
-            for t, i, rising, y in self.stepper.events
-        )
+        return located(self.evaluator, self.stepper)
+
+
+def located(evaluator: Evaluator, stepper: _core.Run) -> tuple[LocatedEvent, ...]:
+    """Return the events that a run has located."""
+    known = evaluator.description.events
+    return tuple(
+        LocatedEvent(known[i].name, t, rising, motion(evaluator, t, y)) for t, i, rising, y in stepper.events
+    )
 
 
 def _of_the_start(
@@ -219,14 +223,21 @@ def outputs(
     info = evaluator.find("outputs")
     if info is None or not len(times):
         return ()
+    return shaped(info, output_rows(evaluator, equations, times, states, redundant))
+
+
+def output_rows(
+    evaluator: Evaluator, equations: _core.KernelEquations, times: Array, states: Array, redundant: int
+) -> Array:
+    """Return the results of the kernel 'outputs' at times and states as for :func:`outputs`, a row each."""
     n, work = evaluator.description.coordinates, None
-    if info.work_size:
+    if evaluator.info("outputs").work_size:
         work = equations.solutions(times, states if n else np.zeros((len(times), 1)))
     if work is not None and redundant:
         work = SelfStress(evaluator, times, states[:, :n], redundant).least_norm(work)
     if work is None or not n:
-        return shaped(info, evaluator.many("outputs", times, states[:, :n], states[:, n : 2 * n], work))
-    return shaped(info, evaluator.along("outputs", times, states, work))
+        return evaluator.many("outputs", times, states[:, :n], states[:, n : 2 * n], work)
+    return evaluator.along("outputs", times, states, work)
 
 
 def outputs_by_group(

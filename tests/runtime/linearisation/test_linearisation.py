@@ -364,9 +364,7 @@ def test_at_rest_round_off_of_velocities_violates_no_constraint():
     start = model.linearise(coordinates=coordinates)
     assert np.array_equal(model.linearise(0.0, coordinates=coordinates).A, start.A)
     assert pytest.approx(start.A, rel=1e-12, abs=1e-12) == model.linearise(0.5, coordinates=coordinates).A
-    with pytest.raises(
-        ModelError, match=r"expected a time t after 0 s, that of the state it starts from, got -0\.5"
-    ):
+    with pytest.raises(ModelError, match=r"expected a time t after 0 s, that of the first state, got -0\.5"):
         model.linearise(-0.5, coordinates=coordinates)
 
 

@@ -14,7 +14,7 @@ from symgen.runtime.model.model import VERBS
 from symgen.runtime.model.verbs import accepted
 
 LINEAR = {"linearise", "mass_matrix", "jacobian", "sensitivity"}
-RODS = {"simulate", "record", "equilibrium", "modes", "accelerations", "batch"} | LINEAR
+RODS = {"simulate", "stepper", "record", "equilibrium", "modes", "accelerations", "batch"} | LINEAR
 DRIVEN = {"kinematics", "inverse_dynamics", "assemblies"}
 AT_REST = {"equilibrium", "modes"}
 ELASTIC = {"periodic", "quasi_static", "large_rotation", "speed_response", "matrices"}
@@ -24,9 +24,9 @@ SUPPORTED = {
     "double_four_bar": RODS,  # as many constraints as coordinates, one of them redundant
     "crank_rocker": (RODS | DRIVEN) - AT_REST,
     "slider_crank": DRIVEN | {"batch", "sensitivity", "jacobian"},
-    "cssp": {"simulate", "assemblies", "batch", "linearise", "sensitivity", "mass_matrix", "jacobian"},
-    "thesis_four_bar": RODS - {"accelerations", "record", "equilibrium"} - LINEAR | DRIVEN | ELASTIC | EXACT,
-    "elastic_four_bar_motor": RODS - {"accelerations", "record"} - LINEAR | DRIVEN | ELASTIC | EXACT,
+    "cssp": {"simulate", "stepper", "assemblies", "batch", "linearise", "sensitivity", "mass_matrix", "jacobian"},
+    "thesis_four_bar": RODS - {"accelerations", "record", "equilibrium", "stepper"} - LINEAR | DRIVEN | ELASTIC | EXACT,
+    "elastic_four_bar_motor": RODS - {"accelerations", "record", "stepper"} - LINEAR | DRIVEN | ELASTIC | EXACT,
 }
 KINEMATIC = {"analysis.kind": "kinematics", "analysis.outputs": []}
 

@@ -21,12 +21,13 @@ from symgen.runtime.integrate.simulate import run
 from symgen.runtime.kernels.arguments import real
 from symgen.runtime.kernels.library import SERIES
 from symgen.runtime.kernels.typed import library_of_runs
-from symgen.runtime.model.arguments import LinkageDerivatives, LinkageForces, LinkageRun, takes
+from symgen.runtime.model.arguments import LinkageDerivatives, LinkageForces, LinkageRun, Stepping, takes
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import Accelerations, State, finite, reactions_at
 from symgen.runtime.rods.model.linkage import LinkageModel
 from symgen.runtime.rods.start import Start, start
+from symgen.runtime.rods.stepper import LinkageStepper
 
 if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
@@ -307,9 +308,7 @@ class RodModel(LinkageModel):
         if not d.freedom:
             return self._state(t, *reached.by_drives(self.constraints(), begin, t))
         if not t > begin.t:
-            raise ModelError(
-                f"expected a time t after {begin.t:g} s, that of the state it starts from, got {t!r}"
-            )
+            raise ModelError(f"expected a time t after {begin.t:g} s, that of the first state, got {t!r}")
         run = LinkageDerivatives(outputs=(), t_end=t).run()
         kernels = self.counting(begin).evaluator
         return self._state(t, *reached.by_run(kernels, len(self.redundant), begin, *run))
@@ -384,6 +383,10 @@ class RodModel(LinkageModel):
         if not isinstance(about, Equilibrium):
             raise ModelError(f"expected an Equilibrium of {self.name} for at, got {at!r}")
         return analyse(self.evaluator, about)
+
+    @takes(Stepping)
+    def _stepper(self, request: Stepping) -> LinkageStepper:
+        return LinkageStepper(self, request.options(), request.state)
 
     @takes(LinkageRun)
     def _simulate(self, request: LinkageRun) -> Result:

@@ -1,0 +1,81 @@
+"""Control loops with linkages and user-defined systems."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from symgen.runtime.arrays import Array
+from symgen.runtime.integrate.failures import problem
+from symgen.runtime.integrate.options import Options
+from symgen.runtime.integrate.simulate import effects_of, equations_of
+from symgen.runtime.integrate.stepper import Stepper
+from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.result.recording import located, nearest_turn, output_rows
+from symgen.runtime.result.records import LocatedEvent
+from symgen.runtime.result.state import State, finite
+
+
+class LinkageStepper(Stepper):
+    """A motion of a linkage or of a user-defined system that advances by calls."""
+
+    def __init__(self, model: Any, chosen: Options, state: State | None) -> None:
+        self._tangent = model.analysis("tangent") if chosen.method.needs_tangent else None
+        self._redundant = model._stored_start().redundant
+        evaluator = model.evaluator
+        self._call = evaluator.call("outputs") if evaluator.find("outputs") else (0, (0, 0, 0, 0, 0, 0))
+        d = model.description
+        angles = {f"{link}.angle": i for i, link in enumerate(d.turns)}
+        info = d.kernel("outputs")
+        blocks = info.blocks if info else ()
+        self._turning = tuple((b.offset, angles[b.name]) for b in blocks if b.name in angles)
+        super().__init__(model, chosen, state)
+
+    def _independent(self) -> tuple[str, ...]:
+        d = self._model.description
+        return d.inputs if d.constraints or d.kernel("limits") else tuple(p.name for p in d.tunable)
+
+    def _new(self, state: State | None) -> tuple[Any, Any, float, Array, dict[str, Any]]:
+        model = self._model
+        t, y, evaluator = 0.0, model._stored_start().y, model.evaluator
+        if state is not None:
+            if len(state.q) != model.description.coordinates:  # in space, of a linkage in a plane there
+                state = model.state(state.positions, state.velocities, state.t)
+            (t, y), evaluator = finite(state), model.counting(state).evaluator
+        equations, y0 = equations_of(evaluator, y, self._redundant, self._chosen, tangent=self._tangent)
+        events = evaluator.description.events
+        options = {"directions": [e.direction for e in events], "terminal": effects_of(events)}
+        return equations, evaluator.equations(len(self._redundant)), t, y0, options
+
+    @property
+    def state(self) -> State:
+        """The present state, for :meth:`reset` and for analyses of the model."""
+        y, n = self._run.present(), self._equations.n
+        references = self._run.references[0] if self._model.description.windings else None
+        return self._model._state(self.t, y[:n], y[n : 2 * n], references)
+
+    @property
+    def events(self) -> tuple[LocatedEvent, ...]:
+        """Events of the scene during the last call of :meth:`step`, in the order of time."""
+        return located(self._evaluator, self._run)
+
+    @property
+    def _evaluator(self) -> Evaluator:
+        """The kernels with the present parameters."""
+        return Evaluator(self._model.description, self._model.library, self._equations.parameters)
+
+    def _evaluated(self) -> Array:
+        y = self._run.present()
+        address, sizes = self._call
+        if not (self._redundant and sizes[4]):
+            return self._run.outputs(self._view, address, sizes, self._turning)
+        evaluator, turns = self._evaluator, self._run.turns[0]
+        self._view.set_parameters(evaluator.parameter_values)
+        row = output_rows(evaluator, self._view, np.array([self.t]), y[None], len(self._redundant))[0]
+        for place, turn in self._turning:
+            row[place] = nearest_turn(row[place], turns[turn])
+        return row
+
+    def _cause(self, status: int) -> str:
+        return problem(status, self._run, self._equations, self._evaluator, self._chosen)
