@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char peaucellier_equations[65] = "fb5c0367735d5f8593750e89ca9e1d5c4ead9d10bc8961df6dba872eaa43d6f9";
+const char peaucellier_equations[65] = "7e1f658dc463130752ccc55d3c47d8ef0bb1b051eb6ff65254efef348957bcac";
 
 /* One over a pivot, or zero where cancellation left nothing of it. */
 static double guarded_inverse(double pivot, double sound, double tolerance)

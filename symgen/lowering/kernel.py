@@ -120,13 +120,15 @@ class SeriesKernel(Kernel):
 
     There are ``rows`` coefficients of each order: those of the ``coordinates``, of the multipliers, of the
     first and then of the second factors of ``products``, of other operands, of the work of loads without
-    potential, and last of the ``watched`` quantities.
+    potential, and last of the ``watched`` quantities. Those of the numbers ``lacking`` have functions without
+    a recurrence; their coefficients are zero.
     """
 
     rows: int = 0
     coordinates: int = 0
     products: int = 0
     watched: int = 0
+    lacking: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

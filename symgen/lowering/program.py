@@ -184,6 +184,7 @@ class _Lowering:
             of.get("constraints", {}),
             of["power"].get(0, ZERO) if "power" in of else None,
             [of[x.name].get(i, ZERO) for x in watched for i in range(len(x.matrix))],
+            sum(len(x.matrix) for x in watched if x.name.endswith("events")),
             len(self.system.group("p").quantities),
         )
         return list(lower_series(equations))

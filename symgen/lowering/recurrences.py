@@ -18,7 +18,6 @@ the products of gamma - J a, and leaves no error of lower order in the constrain
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 
 from symgen.errors import DerivationError
@@ -96,8 +95,8 @@ class EquationsOfMotion:
         Entries of Phi.
     power
         The power of loads without potential, if it is integrated.
-    watched
-        Further quantities whose series are wanted.
+    watched, events
+        Further quantities whose series are wanted, and the number of the first that may be without one.
     parameters
         Number of parameters.
     """
@@ -111,13 +110,14 @@ class EquationsOfMotion:
     constraints: Mapping[int, Node]
     power: Node | None
     watched: Sequence[Node]
+    events: int
     parameters: int
 
 
 def lower_series(e: EquationsOfMotion) -> list[SeriesKernel]:
     """Return the kernel ``sides``, and ``along`` if there are further quantities.
 
-    What is watched has no series if one of its functions has no recurrence.
+    An event has no series if one of its functions has no recurrence; for another watched quantity, none has.
 
     Raises
     ------
@@ -138,16 +138,18 @@ def lower_series(e: EquationsOfMotion) -> list[SeriesKernel]:
     for (i, j), factor in e.jacobian.items():
         subtract(j, factor, MULTIPLIER, i)
         subtract(n + i, factor, ACCELERATION, j)
-    powers, watched = [] if e.power is None else [terms.of(e.power)], list[Linear]()
-    with suppress(DerivationError):
-        watched = [terms.of(x) for x in e.watched]
+    powers = [] if e.power is None else [terms.of(e.power)]
+    known, count = terms.known(e.watched), len(e.watched)
+    numbers = range(count if known.keys() >= {*range(e.events, count)} else 0)
+    watched = [known.get(i, Linear()) for i in numbers]
+    lacking = tuple(i for i in numbers if i not in known)
     totals = [total(x) for x in sums.values()]
     writer = _Writer(terms, e, [*totals, *powers, *watched])
     found = writer.two_ahead({n + i: x for i, x in squares.items()})
     found |= dict(zip(sums, writer.write(totals), strict=True))
     before = writer.solved()
     along = writer.write([*powers, *watched])
-    rows, counts = len(writer.placed) + len(along), (len(watched), len(writer.pairs))
+    rows, counts = len(writer.placed) + len(along), (len(watched), lacking, len(writer.pairs))
     about = "coefficient of the right-hand side of the equations of motion"
     out = [found[i] for i in range(n + e.m)]
     kernels = [_kernel("sides", about, writer.complete(before), out, rows, e, *counts)]
@@ -168,6 +170,7 @@ def _kernel(
     rows: int,
     e: EquationsOfMotion,
     watched: int,
+    lacking: tuple[int, ...],
     products: int,
 ) -> SeriesKernel:
     read = references([*(a.value for a in statements), *out])
@@ -185,6 +188,7 @@ def _kernel(
         coordinates=e.n,
         products=products,
         watched=watched,
+        lacking=lacking,
     )
 
 

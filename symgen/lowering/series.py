@@ -6,6 +6,7 @@ Source of the recurrences: A. Jorba, M. Zou, Experimental Mathematics 14 (2005) 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 from symgen.errors import DerivationError
@@ -219,6 +220,14 @@ class Terms:
                     return Linear(Call(function, tuple(x.constant for x in parts)))
                 return self._call(function, parts)
         raise TypeError(f"not a node: {node!r}")
+
+    def known(self, nodes: Iterable[Node]) -> dict[int, Linear]:
+        """Return the nodes of which all functions have recurrences as sums of atoms, by number."""
+        found = {}
+        for i, node in enumerate(nodes):
+            with suppress(DerivationError):
+                found[i] = self.of(node)
+        return found
 
     def _of_name(self, name: str) -> Linear:
         array, bracket, place = name.partition("[")

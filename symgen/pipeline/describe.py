@@ -165,6 +165,7 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
     from symgen.scene.rods.windings import turning
 
     kernels = {k.name: k for k in program.kernels}
+    lacking = program.series[0].lacking if program.series else ()
     slots = {name: slots for name, _, slots in program.groups}
     multipliers = [s for s in slots["work"] if s.name.endswith("_lambda")]
     return Description(
@@ -192,8 +193,8 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
         remarks=linkage.remarks,
         elastic=elastic_info(linkage) if linkage.elastic and not linkage.kinematic else None,
         events=tuple(
-            EventInfo(e.name, e.unit, e.direction, e.ends_run, e.about, revolves(e.gap))
-            for e in linkage.events
+            EventInfo(e.name, e.unit, e.direction, e.ends_run, e.about, revolves(e.gap), i in lacking)
+            for i, e in enumerate(linkage.events)
             if not linkage.kinematic
         ),
         switches=tuple(s.text for s in linkage.switches),

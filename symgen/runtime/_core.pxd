@@ -19,6 +19,7 @@ cdef extern from "core/core.h" nogil:
     enum:
         _ENDS_RUN "ENDS_RUN"
         _REVOLVES "REVOLVES"
+        _PROBED "PROBED"
 
     enum stabilisation:
         _PROJECTION "PROJECTION"

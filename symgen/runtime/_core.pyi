@@ -26,6 +26,7 @@ UNSOLVED: int
 SLIDING: int
 ENDS_RUN: int
 REVOLVES: int
+PROBED: int
 STABILISATIONS: dict[str, int]
 DOUBLE: Core
 

@@ -33,7 +33,8 @@ static void continue_row(struct run *run, int k) {
     long events = run->e->sizes.events;
     real *row = run->gaps + k * events;
     for (long i = 0; i < events; i++)
-        row[i] = continued(run, i, row[i - events], row[i]);
+        if (run->probed[i])
+            row[i] = continued(run, i, row[i - events], row[i]);
 }
 
 /* Write the cubic through both ends of the step, accurate enough to detect crossings; in long steps, whose interpolant
@@ -191,58 +192,73 @@ static real crossing(struct run *run, real h, long index, const struct course *o
     return sign_of(at[0], 0) == z->before ? narrowed(run, h, index, a, at[0], b, at[1]) : a;
 }
 
-static void locate_crossings(struct run *run, real h, long index, const struct course *of, real tolerance) {
+static int is_last(const struct run *run, real t_new) {
+    return t_new >= R(run->task.t_end) && !run->task.continues;
+}
+
+/* Whether an event touches zero at the end of the step or crosses it slowly: that its rate there, over a step, reaches
+   across the tolerance only with the curvature of the step. The next step decides. */
+static int is_open(const struct run *run, long index, const struct course *of, real tolerance, real t_new) {
+    const real end = run->gaps[STEP_PROBES * run->e->sizes.events + index], steep = of->c[of->degree + 1];
+    return !is_last(run, t_new) && real_fabs(end) <= tolerance && steep * steep <= R(8) * tolerance * reach_of(of->c, of->degree);
+}
+
+static void locate_crossings(struct run *run, real h, long index, const struct course *of, real tolerance, real t_new) {
     const real end = run->gaps[STEP_PROBES * run->e->sizes.events + index];
+    const int open = is_open(run, index, of, tolerance, t_new);
     struct zeros z = {.c = of->c, .degree = of->degree, .noise = tolerance, .width = 1,
-                      .sign = sign_of(of->c[0], 0), .ends = 1, .last = sign_of(end, 0)};
+                      .sign = run->sides[index], .ends = !open, .last = sign_of(end, 0)};
     while (next_zero(&z))
         if (run->directions[index] != z.before)
             remember(run, h, crossing(run, h, index, of, &z), index, z.before < 0);
+    run->sides[index] = (signed char)(open ? z.sign : sign_of(end, 0));
 }
 
-static void locate_touches(struct run *run, real h, long index, const struct course *of, real tolerance) {
+/* A rate that is zero at the end of the step has its sign in the next. */
+static void locate_touches(struct run *run, real h, long index, const struct course *of, real tolerance, real t_new) {
     const long n = of->degree;
     const real noise = R(n) * of->noise;
-    struct zeros z = {.c = of->rate, .degree = n - 1, .noise = noise, .width = 1, .ends = 1};
-    z.sign = sign_of(of->rate[0], run->state->steps ? 0 : noise);
-    z.last = sign_of(of->c[n + 1], 0);
+    struct zeros z = {.c = of->rate, .degree = n - 1, .noise = noise, .width = 1, .last = sign_of(of->c[n + 1], 0)};
+    z.ends = z.last != 0 || is_last(run, t_new);
+    z.sign = run->slopes[index] ? run->slopes[index] : sign_of(of->rate[0], run->state->steps ? 0 : noise);
     while (next_zero(&z)) {
         const real theta = bisected(of->rate, n - 1, z.from, z.to, z.before);
         if (real_fabs(value_of(of->c, n, theta)) <= tolerance && run->directions[index] != -z.before)
             remember(run, h, theta, index, TOUCHES);
     }
+    run->slopes[index] = (signed char)(z.last ? z.last : z.sign);
 }
 
-/* Locate the zeros of all events by their polynomials; return whether these are known. */
-static int locate_zeros(struct run *run, real h) {
+/* Locate the zeros of an event by its polynomial; return whether this is known. */
+static int locate_zeros(struct run *run, real h, long index, real t_new) {
     struct course of;
-    const long events = run->e->sizes.events;
-    for (long i = 0; i < events; i++)
-        if (!follow(run, h, i, &of))
-            return 0;
-    for (long i = 0; i < events; i++) {
-        real b[MOST_COEFFICIENTS], least = REAL_INFINITY, most = 0;
-        int signs = 0;
-        follow(run, h, i, &of);
-        bernstein(of.c, of.degree, 0, 1, b);
-        for (long k = 0; k <= of.degree; k++) {
-            least = real_fmin(least, real_fabs(b[k])), most = real_fmax(most, real_fabs(b[k]));
-            signs |= b[k] < 0 ? 1 : 2;
-        }
-        const real tolerance = real_fmax(of.noise, R(run->task.atol) + R(run->task.rtol) * most);
-        if (signs != 3 && least > tolerance)
-            continue;
-        locate_crossings(run, h, i, &of, tolerance);
-        if (most > tolerance)
-            locate_touches(run, h, i, &of, tolerance);
+    if (!follow(run, h, index, &of))
+        return 0;
+    real b[MOST_COEFFICIENTS], least = REAL_INFINITY, most = 0;
+    bernstein(of.c, of.degree, 0, 1, b);
+    const int sign = sign_of(b[0], 0);
+    int same = sign == run->sides[index];
+    for (long k = 0; k <= of.degree; k++) {
+        least = real_fmin(least, real_fabs(b[k])), most = real_fmax(most, real_fabs(b[k]));
+        same = same && sign_of(b[k], 0) == sign;
     }
+    const real tolerance = real_fmax(of.noise, R(run->task.atol) + R(run->task.rtol) * most);
+    if (same && least > tolerance) {
+        run->slopes[index] = 0;
+        return 1;
+    }
+    locate_crossings(run, h, index, &of, tolerance, t_new);
+    if (most > tolerance)
+        locate_touches(run, h, index, &of, tolerance, t_new);
+    else
+        run->slopes[index] = 0;
     return 1;
 }
 
 static int any_passes(const struct run *run) {
     long events = run->e->sizes.events;
     for (long i = 0; i < STEP_PROBES * events; i++)
-        if (passes(run->gaps[i], run->gaps[i + events], run->directions[i % events]))
+        if (run->probed[i % events] && passes(run->gaps[i], run->gaps[i + events], run->directions[i % events]))
             return 1;
     return 0;
 }
@@ -252,15 +268,18 @@ void begin_events(struct run *run) {
     if (events) {
         look_at_events(run->e, run->state->t, run->y);
         memcpy(run->gaps + STEP_PROBES * events, run->e->gaps, (size_t)events * sizeof(real));
+        for (long i = 0; i < events; i++)
+            run->sides[i] = (signed char)sign_of(run->e->gaps[i], 0), run->slopes[i] = 0;
     }
 }
 
-/* Locate events between the probes of the step. */
+/* Locate the events without a polynomial between the probes of the step. */
 static void locate_between_probes(struct run *run, real h, int *prepared) {
     long events = run->e->sizes.events;
     probe_events(run, h, 0);
     for (long i = 0; i < (STEP_PROBES + 1) * events; i++)
-        see(run, i);
+        if (run->probed[i % events])
+            see(run, i);
     if (!any_passes(run))
         return;
     if (!*prepared)
@@ -268,7 +287,8 @@ static void locate_between_probes(struct run *run, real h, int *prepared) {
     *prepared = 1;
     probe_events(run, h, 1);
     for (long i = 0; i < events; i++)
-        locate(run, h, i);
+        if (run->probed[i])
+            locate(run, h, i);
 }
 
 void locate_events(struct run *run, real t_new, real h, int *prepared) {
@@ -280,8 +300,15 @@ void locate_events(struct run *run, real t_new, real h, int *prepared) {
     memcpy(run->gaps, run->gaps + STEP_PROBES * events, (size_t)events * sizeof(real));
     look_at_events(run->e, t_new, run->y_new);
     memcpy(run->gaps + STEP_PROBES * events, run->e->gaps, (size_t)events * sizeof(real));
-    if (!(has_polynomials(run) && locate_zeros(run, h)))
+    const int by_zeros = has_polynomials(run);
+    int probed = 0;
+    for (long i = 0; i < events; i++)
+        probed |= run->probed[i] = !(by_zeros && locate_zeros(run, h, i, t_new));
+    if (probed)
         locate_between_probes(run, h, prepared);
+    for (long i = 0; i < events; i++)
+        if (run->probed[i])
+            run->sides[i] = (signed char)sign_of(run->gaps[STEP_PROBES * events + i], 0), run->slopes[i] = 0;
     for (long i = s->events_before; i < s->events; i++)
         if (run->terminal[run->events[i].index] & ENDS_RUN) {
             s->events = i + 1;

@@ -43,6 +43,9 @@ static size_t place(struct run *run, void *memory) {
         {&run->branch, run->branch_bytes},
         ARENA_ARRAY(run->directions, events),
         ARENA_ARRAY(run->terminal, events),
+        ARENA_ARRAY(run->sides, events),
+        ARENA_ARRAY(run->slopes, events),
+        ARENA_ARRAY(run->probed, events),
     };
     return ARENA_PLACE(arrays, memory);
 }

@@ -24,8 +24,9 @@ enum { SWITCH_PROBES = 16 };
 
 /* In place of a direction: the value touches zero. */
 enum { TOUCHES = -1 };
-/* Properties of an event: it ends the run; its value is an angle, continued over revolutions. */
-enum { ENDS_RUN = 1, REVOLVES = 2 };
+/* Properties of an event: it ends the run; its value is an angle, continued over revolutions; its value has no power
+   series. */
+enum { ENDS_RUN = 1, REVOLVES = 2, PROBED = 4 };
 
 /* Task of a run. */
 struct task {
@@ -187,7 +188,10 @@ struct run {
     real *switched;              /* time of the last switch of each, at first that of the start */
     real *switch_gaps;           /* distances from all switching points at the probes of a step: one row each */
     signed char *directions;     /* of events: 1 rising, -1 falling, 0 both */
-    char *terminal;              /* of events: ENDS_RUN, REVOLVES */
+    char *terminal;              /* of events: ENDS_RUN, REVOLVES, PROBED */
+    signed char *sides;          /* signs of events at y, within the tolerance of a touch those before */
+    signed char *slopes;         /* of their rates, near zero; 0: that at y */
+    char *probed;                /* whether an event is looked for at probes in the present step */
     /* set by the kind's bind */
     real *f, *f_new;
 };

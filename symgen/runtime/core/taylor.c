@@ -70,12 +70,18 @@ static long watched(const struct sizes *s) {
     return s->series_watched ? s->events + s->switches : 0;
 }
 
+static int is_probed(const struct run *run, long i) {
+    return i < run->e->sizes.events && run->terminal[i] & PROBED;
+}
+
 /* The part of a step of this length in which the last terms of the watched values are within the tolerance, relative to the
    value or to its change in the step; in the shortest, probes take the place of series that end there, as at a kink. */
 static real resolved(const struct run *run, const real *rows, long order, real length) {
     const struct sizes *s = &run->e->sizes;
     const real least = SHORTENED * length;
     for (long i = 0; i < watched(s); i++) {
+        if (is_probed(run, i))
+            continue;
         const real *value = rows + s->series_rows - s->series_watched + i;
         const real size = R(run->task.atol) + R(run->task.rtol) * real_fabs(value[0]);
         const real rate = R(run->task.rtol) * real_fabs(value[s->series_rows]);
@@ -131,6 +137,8 @@ static long polynomial(const struct run *run, long i, real h, real *c) {
     const real *values = x.rows + row - s->series_watched + i;
     const real *at_y = values + *x.present * SERIES_ROWS * row, *at_y_new = values + (1 - *x.present) * SERIES_ROWS * row;
     real power = 1;
+    if (is_probed(run, i))
+        return -1;
     for (long k = 0; k <= degree; k++, power *= h)
         c[k] = at_y[k * row] * power;
     c[degree + 1] = at_y_new[row] * h;
@@ -166,8 +174,11 @@ static real within_references(const struct run *run, real length) {
 static real longest(const struct run *run) {
     const struct sizes *s = &run->e->sizes;
     const real length = taylor_of(run).longest[*taylor_of(run).present];
+    int probed = 0;
+    for (long i = 0; i < s->events; i++)
+        probed |= is_probed(run, i);
     if (s->series_watched)
-        return within_references(run, length);
+        return within_references(run, probed ? R(0.25) * length : length);
     return length * (s->events || s->switches || s->windings || s->turns ? R(0.25) : R(1));
 }
 

@@ -33,7 +33,9 @@ _JUDGED = 100_000
 
 def effects_of(events: Iterable[EventInfo]) -> list[int]:
     """Return the effects of events on a run, as bits of the core."""
-    return [_core.ENDS_RUN * e.ends_run | _core.REVOLVES * e.revolves for e in events]
+    return [
+        _core.ENDS_RUN * e.ends_run | _core.REVOLVES * e.revolves | _core.PROBED * e.probed for e in events
+    ]
 
 
 def stepper_of(equations: Any, chosen: Options, t0: float, y0: Array, times: Array, **more: Any) -> _core.Run:

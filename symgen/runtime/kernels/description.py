@@ -50,7 +50,8 @@ class BlockInfo:
 class EventInfo:
     """A zero of an entry of the kernel 'events': rising (1), falling (-1) or in either direction (0).
 
-    ``revolves``: the entry is an angle, which runs continue over revolutions.
+    ``revolves``: the entry is an angle, which runs continue over revolutions. ``probed``: it has no power
+    series.
     """
 
     name: str
@@ -59,6 +60,7 @@ class EventInfo:
     ends_run: bool
     about: str
     revolves: bool = False
+    probed: bool = False
 
 
 @dataclass(frozen=True, slots=True)

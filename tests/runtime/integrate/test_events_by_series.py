@@ -24,9 +24,10 @@ def bar(rate, events, **tables):
     )
 
 
-def thrown(*events, up=4.0, **options):
+def thrown(*events, up=4.0, half="1 m", **options):
     """A point thrown upward at x = 1 m/s, with g = 8 m/s^2: y = up t - 4 t^2."""
     scene = symgen.Scene(
+        parameters={"half": half},
         points={"O": ground(0, -9), "G": ground(1, -9), "A": at(0, 0)},
         links={"base": {"points": ["O", "G"]}},
         masses=[{"point": "A", "mass": "1 kg"}],
@@ -106,6 +107,35 @@ def test_a_touch_is_reported_as_one():
     assert thrown(touch).simulate(1.0, method="dop853", rtol=1e-12).events == ()
 
 
+@pytest.mark.parametrize("longest", [0.5, 0.25, 0.125, 0.1, 0.05])
+def test_a_touch_where_steps_join_is_one(longest):
+    """Steps end at the highest point, on which rounding puts the value on one side or the other."""
+    touch, back = {"of": "A.y", "value": "1 m"}, {"of": "A.x*A.y", "value": "0 m^2"}
+    run = thrown(touch, back).simulate(1.25, method="taylor", rtol=1e-12, max_step=longest)
+    assert [(e.name, e.rising) for e in run.events] == [("e0", None), ("e1", False)]
+    assert [e.time for e in run.events] == pytest.approx([0.5, 1.0], abs=1e-7)
+    other = thrown({**touch, "direction": "rising"}).simulate(
+        1.25, method="taylor", rtol=1e-12, max_step=longest
+    )
+    assert [e.rising for e in other.events] in ([], [None])
+    stepper = thrown(touch).stepper(method="taylor", rtol=1e-12)
+    found = []
+    for _ in range(round(1.25 / longest)):
+        stepper.step(longest)
+        found += stepper.events
+    assert [e.rising for e in found] == [None]
+
+
+@pytest.mark.parametrize("longest", [0.5, 0.25, 0.1])
+def test_a_crossing_where_steps_join_is_one(longest):
+    """x = 0.5 m and, with the rate zero, (x - 0.5 m)^3 = 0 at t = 0.5 s."""
+    events = [{"of": "A.x", "value": "0.5 m"}, {"of": "(A.x - half)**3", "value": "0 m^3"}]
+    run = thrown(*events, half="0.5 m").simulate(1.0, method="taylor", rtol=1e-12, max_step=longest)
+    assert sorted((e.name, e.rising) for e in run.events) == [("e0", True), ("e1", True)]
+    assert [e.time for e in run.events] == pytest.approx([0.5, 0.5], abs=1e-4)
+    assert min(abs(e.time - 0.5) for e in run.events) < 1e-11
+
+
 def test_touches_and_crossings_of_a_fast_rotor():
     """Each revolution passes x = 0 twice and touches 1 m; there are fewer steps than these."""
     events = [{"name": "x", "of": "A.x"}, {"name": "far", "of": "A.x", "value": "1 m"}]
@@ -151,6 +181,19 @@ def test_an_event_without_a_recurrence_is_looked_for_at_probes():
     run = model.simulate(1.0, method="taylor", rtol=1e-9)
     exact = [k * np.pi / 3 / 9 for k in range(1, 9) if k % 3]
     assert [e.time for e in run.events] == pytest.approx(exact, abs=1e-8)
+
+
+def test_such_an_event_leaves_the_others_to_their_series():
+    """A fast rotor passes x = 0 several times within a quarter of a step, and touches 1 m."""
+    events = [{"name": "x", "of": "A.x"}, {"name": "far", "of": "A.x", "value": "1 m"}]
+    probed = {"name": "abs", "of": "abs(A.y)", "value": "0.5 m"}
+    model = symgen.build(bar(50, [probed, *events]))
+    assert [e.probed for e in model.description.events] == [True, False, False]
+    run = model.simulate(2.0, samples=5, method="taylor", rtol=1e-11)
+    passed, far = ([e.time for e in run.events if e.name == name] for name in ("x", "far"))
+    assert passed == pytest.approx((np.arange(32) + 0.5) * np.pi / 50, abs=1e-9)
+    assert far == pytest.approx(np.arange(1, 16) * np.pi / 25, abs=1e-6)
+    assert run.events == model.simulate(2.0, samples=900, method="taylor", rtol=1e-11).events
 
 
 def test_a_resumed_run_has_the_same_events(tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline
 from shared.full import full_unless
 from shared.invariant_scenes import driven, moving
 
@@ -13,12 +14,25 @@ from symgen.errors import SceneError, SimulationError
 RTOL, END = 1e-10, 1.0
 
 
-def drawn(seed):
-    """Return a random linkage in the plane or in space, under all loads, or driven; its start is possible."""
+def drawn(seed, events=False):
+    """Return a random linkage in the plane or in space, under all loads, or driven; its start is possible.
+
+    With events, the first moving point passes x = a and y = b; an event without a series is added to some.
+    """
     rng = np.random.default_rng([38, seed])
     while True:
         tables = driven(rng) if seed % 5 == 4 else moving(rng, 2 if seed % 5 < 2 else 3)
         del tables["analysis"]
+        if events:
+            point = next(name for name, p in tables["points"].items() if not p.get("ground"))
+            level = {"value": "0 m", "tunable": True}
+            tables["parameters"] = tables.get("parameters", {}) | {"level_x": level, "level_y": level}
+            tables["events"] = [
+                {"name": axis, "of": f"{point}.{axis}", "value": f"level_{axis}"} for axis in "xy"
+            ]
+            if seed % 2:
+                tables["events"].insert(0, {"name": "abs", "of": f"abs({point}.x)", "value": "0.3 m"})
+            tables["analysis"] = {"outputs": [f"{point}.position", f"{point}.velocity"]}
         try:
             return symgen.build(symgen.Scene(**tables))
         except SceneError as error:
@@ -46,6 +60,33 @@ def test_random_scenes_agree(seed):
     size = max(1.0, np.max(np.abs(exact)))
     gap = np.max(np.abs(series - exact)) / size
     assert gap < 1e-9 + 10 * np.max(np.abs(other - exact)) / size
+
+
+@pytest.mark.parametrize("seed", full_unless(lambda seed: seed in (0, 1, 2, 3, 9), range(200)))
+def test_events_of_random_scenes(seed):
+    """Zeros of cubics through many samples of a run by another method, at levels which the point passes."""
+    model, rng = drawn(seed, events=True), np.random.default_rng([39, seed])
+    try:
+        run = model.simulate(END, samples=4001, method="dop853", rtol=1e-12, atol=1e-14)
+    except SimulationError:
+        return  # a dead centre
+    places, rates = (v.values[:, :2] for v in run.variables)
+    levels = [rng.uniform(*np.quantile(x, [0.02, 0.98])) for x in places.T]
+    curves = [
+        CubicHermiteSpline(run.time, x - a, v) for x, v, a in zip(places.T, rates.T, levels, strict=True)
+    ]
+    model = model.with_parameters(level_x=levels[0], level_y=levels[1])
+    found = model.simulate(END, samples=2, method="taylor", rtol=RTOL, atol=RTOL / 100).events
+    for axis, curve in zip("xy", curves, strict=True):
+        if np.ptp(curve(run.time)) < 1e-3:
+            continue  # hardly any motion
+        near = np.min(np.abs(curve(curve.derivative().roots(extrapolate=False))), initial=np.inf)
+        if near < 1e-6 or np.min(np.abs(curve([0.0, END]))) < 1e-6:
+            continue  # it may touch
+        exact = curve.roots(extrapolate=False)
+        own = [e for e in found if e.name == axis]
+        assert [e.time for e in own] == pytest.approx(exact, abs=1e-7)
+        assert [e.rising for e in own] == [bool(v > 0) for v in curve.derivative()(exact)]
 
 
 def test_third_point_of_a_body_joins_a_rod():

@@ -24,9 +24,24 @@ SUPPORTED = {
     "double_four_bar": RODS,  # as many constraints as coordinates, one of them redundant
     "crank_rocker": (RODS | DRIVEN) - AT_REST,
     "slider_crank": DRIVEN | {"batch", "sensitivity", "jacobian"},
-    "cssp": {"simulate", "stepper", "assemblies", "batch", "linearise", "sensitivity", "mass_matrix", "jacobian"},
-    "thesis_four_bar": RODS - {"accelerations", "record", "equilibrium", "stepper"} - LINEAR | DRIVEN | ELASTIC | EXACT,
-    "elastic_four_bar_motor": RODS - {"accelerations", "record", "stepper"} - LINEAR | DRIVEN | ELASTIC | EXACT,
+    "cssp": {
+        "simulate",
+        "stepper",
+        "assemblies",
+        "batch",
+        "linearise",
+        "sensitivity",
+        "mass_matrix",
+        "jacobian",
+    },
+    "thesis_four_bar": RODS - {"accelerations", "record", "equilibrium", "stepper"} - LINEAR
+    | DRIVEN
+    | ELASTIC
+    | EXACT,
+    "elastic_four_bar_motor": RODS - {"accelerations", "record", "stepper"} - LINEAR
+    | DRIVEN
+    | ELASTIC
+    | EXACT,
 }
 KINEMATIC = {"analysis.kind": "kinematics", "analysis.outputs": []}
 

@@ -19,8 +19,6 @@ from symgen.runtime.integrate.pace import limited
 from symgen.runtime.integrate.redundancy import SelfStress
 from symgen.runtime.integrate.simulate import run
 from symgen.runtime.kernels.arguments import real
-from symgen.runtime.kernels.library import SERIES
-from symgen.runtime.kernels.typed import library_of_runs
 from symgen.runtime.model.arguments import LinkageDerivatives, LinkageForces, LinkageRun, Stepping, takes
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.result.result import Result
@@ -310,8 +308,9 @@ class RodModel(LinkageModel):
         if not t > begin.t:
             raise ModelError(f"expected a time t after {begin.t:g} s, that of the first state, got {t!r}")
         run = LinkageDerivatives(outputs=(), t_end=t).run()
-        kernels = self.counting(begin).evaluator
-        return self._state(t, *reached.by_run(kernels, len(self.redundant), begin, *run))
+        return self._state(
+            t, *reached.by_run(self.counting(begin).evaluator, len(self.redundant), begin, *run)
+        )
 
     def counting(self, at: State | Equilibrium | None) -> RodModel:
         """Return the model whose angles in loads count the revolutions of a state."""
@@ -390,14 +389,12 @@ class RodModel(LinkageModel):
 
     @takes(LinkageRun)
     def _simulate(self, request: LinkageRun) -> Result:
-        series = SERIES in library_of_runs(self.evaluator.library, self.number_type).addresses
-        chosen = request.options(self.description.t_end, self._type, request.stabilisation_rate, series)
-        keeping = request.keeping()
+        chosen = request.options(self.description.t_end, self._type, request.stabilisation_rate, self._series)
         with limited(request.max_wall):
             tangent = self.analysis("tangent", stepping=True) if chosen.method.needs_tangent else None
             start = self._stored_start()
             t, y, kernels = 0.0, start.y, self.evaluator
             if request.state is not None:
                 (t, y), kernels = finite(request.state), self.counting(request.state).evaluator
-            recorded = (keeping, tangent, request.t_eval, request.state)
+            recorded = (request.keeping(), tangent, request.t_eval, request.state)
             return run(kernels, t, y, start.redundant, chosen, request.progress, self.number_type, *recorded)
