@@ -221,8 +221,8 @@ static void record_lane(const struct lane_runs *l, const wide *y, int lane, ptrd
 }
 
 /* to = y + h times the sum of the first derivatives by their weights, one after the other. */
-static void add_derivatives(const struct lane_runs *l, const real *weights, long count, wide h, wide *to) {
-    wide factors[MOST_STAGES];
+static void add_derivatives(const struct lane_runs *l, const real *weights, long count, real h, wide *to) {
+    real factors[MOST_STAGES];
     for (long j = 0; j < count; j++)
         factors[j] = h * weights[j];
     for (ptrdiff_t i = 0; i < l->dim; i++) {
@@ -233,14 +233,16 @@ static void add_derivatives(const struct lane_runs *l, const real *weights, long
     }
 }
 
-/* Take an explicit step, and leave the derivatives at its end behind those of the stages. */
-static void take_step(struct lane_runs *l, struct lane_step *x) {
+/* Take an explicit step, which all lanes take at one time, and leave the derivatives at its end behind those of the
+   stages. */
+static void take_step(struct lane_runs *l, const struct lane_step *x) {
     const struct tableau of = tableau_of(&l->scheme);
+    const real t = x->t[0], h = x->h[0];
     for (ptrdiff_t s = 1; s < of.stages; s++) {
-        add_derivatives(l, of.a + s * of.all, s, x->h, l->stage);
-        lane_derivative(l, x->t + of.c[s] * x->h, l->stage, l->own + s * l->dim);
+        add_derivatives(l, of.a + s * of.all, s, h, l->stage);
+        lane_derivative(l, all(t + of.c[s] * h), l->stage, l->own + s * l->dim);
     }
-    add_derivatives(l, of.b, of.stages, x->h, l->y_new);
+    add_derivatives(l, of.b, of.stages, h, l->y_new);
     fail_unless_finite(l, l->y_new);
     project_lanes(l, x->t_new, l->y_new, 0);
     lane_derivative(l, x->t_new, l->y_new, l->own + of.stages * l->dim);
@@ -285,7 +287,7 @@ static void interpolate_lanes(struct lane_runs *l, const struct lane_step *x, wi
     const struct tableau of = tableau_of(&l->scheme);
     real weights[MOST_STAGES];
     dense_weights(&of, x->h[0], (at[0] - x->t[0]) / x->h[0], weights);
-    add_derivatives(l, weights, of.all, all(1), l->stage);
+    add_derivatives(l, weights, of.all, R(1), l->stage);
 }
 
 /* Record the samples of a step; `next` counts those of each lane. */
@@ -326,7 +328,7 @@ static void run_lanes(struct lane_runs *l, const real *parameter_rows, const rea
         const mask last = (x.t_new >= end) | (end - x.t_new < R(1e-9) * length);
         x.t_new = chosen(last, end, x.t_new), x.h = chosen(last, end - x.t, length);
         x.open = ~l->failed & (x.t < end);
-        if (!by_series(l)) /* lanes of explicit steps have one time */
+        if (!by_series(l)) /* all lanes have one time */
             x.open = ~(mask){0};
         x.taken = x.open;
         const mask failed_before = l->failed;

@@ -51,6 +51,7 @@ def swings(model, parts):
         ("tumbling_body", {"t_end": 1.0, "samples": 41}),
         ("triple_pendulum", {"t_end": 0.5, "rtol": 1e-6, "atol": 1e-6}),
         full("andrews_squeezer", {"t_end": 0.01, "rtol": 1e-10, "samples": 7}),
+        *(full(name, {"t_end": 0.3}) for name in ("car_axis", "length_ratios", "peaucellier_perturbed", "whip")),
     ],
 )  # fmt: skip
 def test_lanes_have_the_bits_of_single_runs(scene, options):
