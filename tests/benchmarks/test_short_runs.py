@@ -57,3 +57,11 @@ def test_states_of_extreme_numbers_do_not_stop_the_core(load):
     sanitized = load("sanitized")
     with np.errstate(all="ignore"):
         assert "calls of kernels" in sanitized.scene("four_bar")
+
+
+def test_a_state_feedback_of_a_cart_pole(load, monkeypatch):
+    control = load("control")
+    monkeypatch.setattr(control, "SAMPLES", 40)
+    measured = control.measured(2)
+    assert all(line.holds for line in measured.required if not line.timed), measured.required
+    assert len(measured.rows) >= 9

@@ -164,9 +164,9 @@ class Stepper(ABC):
 
     def __getitem__(self, name: str) -> float | Array:
         """Return an output of the scene at the present state, or a component such as ``C.position.x``."""
-        place = self._outputs.get(name)
+        place = self._outputs.get(name) if isinstance(name, str) else None
         if place is None:
-            check_known(name, self._outputs, f"{self._model.name} has no output")
+            check_known(str(name), self._outputs, f"{self._model.name} has no output")
         row = self._row
         if row is None:
             row = self._row = self._evaluated()

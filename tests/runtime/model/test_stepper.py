@@ -365,6 +365,7 @@ def test_a_linkage_in_space_takes_and_returns_states():
         (lambda s: s.set(G=2.0), ModelError, "no tunable parameter 'G'"),
         (lambda s: s.set(F=2.0, G=2.0), ModelError, "no tunable parameter 'G'"),
         (lambda s: s["C.postion"], ModelError, "has no output 'C.postion'.*C.position"),
+        (lambda s: s[5], ModelError, "has no output '5'"),
         (lambda s: s.reset("start"), ModelError, "state"),
     ],
 )
