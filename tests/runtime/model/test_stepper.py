@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import signal
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from shared.ball_poles import CASE, CRANK
 from shared.controlled import CART, CART_POLE, POLE, SPATIAL_PENDULUM, cart_pole, four_bar_with_torque
 from shared.linkages import G, at, chain, circles, ground, rod
 
@@ -418,3 +420,38 @@ def test_whatever_has_no_run_of_the_one_loop_is_refused():
     model = symgen.build(chain([(0, 0), (1, 0), (2, 0)]))
     with pytest.raises(ModelError, match="point"):
         model.stepper(state=symgen.build("peaucellier").initial_state())
+
+
+def test_a_loop_passes_poles_of_its_ball_joints():
+    """Where angles of a ball have a pole, the loop is integrated in others; outputs, states and copies are of the table."""
+    model = symgen.build(CASE).with_parameters(offset=CRANK)
+    end, options = model.description.t_end, {"rtol": 1e-11, "atol": 1e-12}
+    run = model.simulate(end, samples=21, **options)
+    stepper, copies = model.stepper(**options), []
+    for k in range(1, 21):
+        stepper.step(end / 20)
+        copies.append(stepper.copy())
+        for v in run.variables:
+            if v.name.endswith(("rate", "acceleration", "theta1", "S1")):
+                scale = np.nanmax(np.abs(v.values)) + 1e-6
+                assert stepper[v.name] == pytest.approx(v.values[k], abs=1e-7 * scale, nan_ok=True), v.name
+    for k, copy in enumerate(copies):
+        for _ in range(19 - k):
+            copy.step(end / 20)
+        assert np.array_equal(copy.y, stepper.y)
+
+
+def test_ctrl_c_ends_a_long_step(cart):
+    """The state is that reached, from which the motion goes on."""
+    stepper = cart.stepper(step=1e-5)
+    before = signal.signal(signal.SIGALRM, signal.default_int_handler)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.2)
+        with pytest.raises(KeyboardInterrupt):
+            stepper.step(1e5)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    reached = stepper.t
+    assert 0 < reached < 1e5
+    stepper.step(1e-3)
+    assert stepper.t == pytest.approx(reached + 1e-3, abs=1e-9)
