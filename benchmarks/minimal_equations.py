@@ -256,3 +256,47 @@ def pendulum_in_space(of: Any, number: Callable[[str], Real]) -> Rates:
         return [*y[4:], *cholesky(matrix, right, of.sqrt)]
 
     return rates
+
+
+#: The free RSSR linkage of ``taylor.py``: lengths; distance, rise, cosine and sine of the twist of the axes.
+RSSR = {"crank": "0.1", "rod": "0.45", "rocker": "0.3", "distance": "0.35", "rise": "0.1",
+        "cos": "0.5", "sin": "0.86602540378443864676372317075293618347140262690519031402790"}  # fmt: skip
+#: Mass per length [kg/m], and radius of the rod.
+LINE, RADIUS = "1.2", "0.008"
+
+
+def rssr(of: Any, number: Callable[[str], Any]) -> Rates:
+    """Return the rates of the crank angle of a crank-rocker between skew axes and of its rate, under gravity.
+
+    The axis of the crank is that of z. The ball of the rocker, of angle b, is at p - r cos(b) x + r sin(b) y'
+    with y' and p in the plane across x; its distance from that of the crank gives cos(b) and sin(b). The rod
+    does not spin about its line.
+    """
+    r1, l, r, c, s = (number(RSSR[name]) for name in ("crank", "rod", "rocker", "cos", "sin"))
+    p = [Jet(number(RSSR["distance"])), Jet(-number(RSSR["rise"]) * s), Jet(-number(RSSR["rise"]) * c)]
+    masses = [number(LINE) * x for x in (r1, l, r)]
+    moment = masses[1] * (3 * number(RADIUS) ** 2 + l * l) / (12 * l * l)
+    zero = number("0")
+
+    def rates(y: list[Real]) -> list[Real]:
+        cos, sin = r1 * of.cos(y[0]), r1 * of.sin(y[0])
+        near = [Jet(cos, -sin, -cos), Jet(sin, cos, -sin), Jet(zero)]
+        gap = [a - b for a, b in zip(p, near, strict=True)]
+        # |gap|^2 + r^2 - l^2 = 2 r (gap_x cos b - gap_y' sin b)
+        along, across = gap[0], Jet(-s) * gap[2] + Jet(c) * gap[1]
+        square = gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2]
+        lack = (square + Jet(r * r - l * l)) / Jet(2 * r)
+        size = along * along + across * across
+        root = (size - lack * lack).root(of.sqrt)
+        x, z = (along * lack + across * root) / size, (along * root - across * lack) / size
+        arm = [Jet(-r) * x, Jet(r * c) * z, Jet(-r * s) * z]
+        rod = [a + b for a, b in zip(gap, arm, strict=True)]
+        middle = [a + Jet(number("0.5")) * b for a, b in zip(near, rod, strict=True)]
+        weights = ((near, masses[0] / 3), (arm, masses[2] / 3), (middle, masses[1]), (rod, moment))
+        parts = [(x, w) for xs, w in weights for x in xs]
+        inertia = sum(w * x.first * x.first for x, w in parts)
+        change = sum(w * x.first * x.second for x, w in parts)
+        load = -number("9.81") * (masses[1] * middle[2].first + masses[2] * arm[2].first / 2)
+        return [y[1], (load - change * y[1] * y[1]) / inertia]
+
+    return rates

@@ -6,8 +6,8 @@ over five runs with slightly varied tolerances, since single runs have lucky err
 processor time of a whole Python call, all programs and tolerances in turn. Times at an error are interpolated
 between the logarithms of a program's best tolerances. Errors are relative to a length of the linkage. heyoka
 is given the minimal equations, and chains also in the coordinates of symgen's SymPy record; a state is set
-and the end is read, and its compilation is not timed. Free spatial loops have no power series in symgen and
-are left out. Compilation and code size are those of all shipped scenes, with and without power series.
+and the end is read, and its compilation is not timed. Compilation and code size are those of all shipped
+scenes, with and without power series.
 
 Many runs in one call are compared by the time to an error of all of them: see ``taylor_lanes.py``.
 
@@ -70,7 +70,7 @@ def own(motion: Motion, tolerances: tuple[float, ...]) -> Iterator[Setting]:
                 return model.simulate(float(motion.t_end), samples=2, method=method, **given)
 
             try:
-                ends = [run(*varied).final[motion.point]["position"] for varied in VARIED]
+                ends = [motion.end_of(run(*varied)) for varied in VARIED]
             except SimulationError:
                 continue
             error = median(motion.error(end) for end in ends)
@@ -135,7 +135,7 @@ def digits(motion: Motion) -> tuple[float, float]:
         begun = process_time()
         run = model.simulate(float(motion.t_end), samples=2, method="taylor", rtol=1e-31, atol=1e-33)
         least = min(least, process_time() - begun)
-        error = motion.error_of_shifted(run.final[motion.point]["position"])
+        error = motion.error_of_shifted(motion.end_of(run))
     return -math.log10(error), least
 
 

@@ -10,9 +10,11 @@ import copy
 import json
 import math
 import sys
+import tomllib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from decimal import Decimal, localcontext
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +48,7 @@ class Case:
     scene
         The scene, or the name of a shipped one.
     point
-        The point whose position at the end is compared.
+        The point whose position at the end is compared; of a spatial loop, the variable.
     t_end
         Duration [s].
     rates
@@ -54,7 +56,7 @@ class Case:
     start
         Initial state of the minimal equations, in mpmath.
     place
-        Position of the point for a state of the minimal equations, in mpmath.
+        Position of the point, or value of the variable, for a state of the minimal equations, in mpmath.
     size
         Length that errors are relative to [m].
     """
@@ -77,6 +79,11 @@ class Case:
     def key(self) -> str:
         """The name with the duration."""
         return f"{self.name}, {self.t_end} s"
+
+    def end_of(self, run: Any) -> list[float]:
+        """Return what is compared at the end of a run [m or rad]."""
+        last = run.final[self.point]
+        return list(last["position"]) if "position" in last else [last["value"]]
 
     def error(self, end: Iterable[float]) -> float:
         """Return the distance of the point from where it is, relative to the size."""
@@ -120,7 +127,7 @@ class Case:
 
         start = np.array(self.start(), dtype=float)
         programs = [heyoka_peer.Program("minimal equations", rates, start, place)]
-        if isinstance(self.scene, symgen.Scene):
+        if isinstance(self.scene, symgen.Scene) and self.scene.points:
             programs.append(heyoka_peer.from_record(self.scene))
         return programs
 
@@ -210,6 +217,23 @@ def pendulum_in_space() -> Case:
     return Case("pendulum in space", scene, "P2", "2", minimal.pendulum_in_space, start, place)
 
 
+def free_rssr() -> Case:
+    """Return the shipped crank-rocker between skew axes, with a free crank that is pushed."""
+    tables = tomllib.loads((files("symgen") / "scenes" / "rssr.toml").read_text("utf-8"))
+    del tables["loop"]["inputs"], tables["parameters"]["speed"]
+    tables["loop"]["free"] = {"theta1": {"at": "0.5 rad", "rate": "3 rad/s"}}
+    start = ["0.5", "3"]
+    return Case(
+        "free RSSR",
+        symgen.Scene(**tables, analysis={"t_end": "2 s"}),
+        "theta1",
+        "2",
+        minimal.rssr,
+        lambda: list(map(mpmath.mpf, start)),
+        lambda y: y[:1],
+    )
+
+
 def drawn_four_bar() -> Case:
     """Return a four-bar linkage, released at rest from places and with masses that doubles hold exactly."""
     at = {"P0": ("0", "0"), "A": ("0.5", "0.875"), "B": ("2.25", "1.5"), "C": ("2", "0")}
@@ -244,6 +268,7 @@ def cases() -> list[Case]:
         linkage("four_bar", "B", minimal.FOUR_BAR, "2"),
         linkage("andrews_squeezer", "E", minimal.ANDREWS, "0.03", 0.07),
         pendulum_in_space(),
+        free_rssr(),
     ]
 
 

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char peaucellier_equations[65] = "7e1f658dc463130752ccc55d3c47d8ef0bb1b051eb6ff65254efef348957bcac";
+const char peaucellier_equations[65] = "3cff4c1e9aa69f3183908f992cce027404859e2695b311c70cb41ab60195c08a";
 
 /* One over a pivot, or zero where cancellation left nothing of it. */
 static double guarded_inverse(double pivot, double sound, double tolerance)

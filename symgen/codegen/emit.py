@@ -228,7 +228,7 @@ def _kernel(program: Program, kernel: Kernel, target: Target, rolls: bool) -> Ke
 
 
 def _series(program: Program, kernels: tuple[KernelView, ...], target: Target) -> SeriesView:
-    solve = next(k for k in kernels if k.name == "solve")
+    solve = next((k for k in kernels if k.name == "solve"), None)
     sides, name = program.series[0], "series"
     return SeriesView(
         name,
@@ -240,9 +240,15 @@ def _series(program: Program, kernels: tuple[KernelView, ...], target: Target) -
         sum(k.out_size for k in program.series[1:]) - sides.watched,
         sides.watched,
         tuple(order_view(k, _type(target), printer(target)) for k in program.series),
-        solve if len(solve.assignments) + len(solve.stores) <= INLINED and not solve.rolled else None,
+        solve is None,
+        solve if solve and _is_inlined(solve) else None,
         calls_of_series(program.series, target.precision),
     )
+
+
+def _is_inlined(solve: KernelView) -> bool:
+    """Return whether the solution is part of the loop over the orders of power series."""
+    return len(solve.assignments) + len(solve.stores) <= INLINED and not solve.rolled
 
 
 def _is_after_setup(program: Program, kernel: Kernel) -> bool:

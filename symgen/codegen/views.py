@@ -132,8 +132,9 @@ class SeriesView:
     """The function of all orders as used by the template.
 
     ``power`` is 1 if the power of loads is integrated, else 0; ``watched`` counts other quantities. ``solve``
-    is the view of the kernel of the solution if it is repeated in the loop over the orders, else None.
-    ``calls`` are functions of the C library.
+    is the view of the kernel of the solution if it is repeated in the loop over the orders, else None;
+    without this kernel (``inverse``) the solution is a product with the inverse matrix. ``calls`` are
+    functions of the C library.
     """
 
     name: str
@@ -145,6 +146,7 @@ class SeriesView:
     power: int
     watched: int
     orders: tuple[OrderView, ...]
+    inverse: bool
     solve: KernelView | None
     calls: tuple[CallView, ...]
 

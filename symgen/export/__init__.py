@@ -124,7 +124,7 @@ def files_of(x: Exported) -> Iterator[SourceFile]:
         (CORE_FOLDER / name).read_text(encoding="utf-8") for name in x.core if name.endswith(".h")
     )
     names_in_core = sorted(
-        {*_DECLARED.findall(names), "core_interrupted", "beam_kind", f"{x.method.kind}_kind"}
+        {*_DECLARED.findall(names), "core_interrupted", "beam_kind", "explicit_kind", f"{x.method.kind}_kind"}
     )
     text = environment().get_template("export/names.h.j2").render(x=x, names=names_in_core)
     yield SourceFile(_NAMES, text)

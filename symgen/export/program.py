@@ -39,7 +39,7 @@ def exported(
         title=_title_of(sources),
         equations=d.equations,
         references=program.references,
-        core=with_headers([*core, f"{method.kind}.c"] if core else ()),
+        core=with_headers([*core, *(f"{m.kind}.c" for m in (method, method.near) if m)] if core else ()),
         method=method,
         kernels=sources,
         **fields,

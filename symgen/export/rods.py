@@ -80,7 +80,11 @@ def rods(model: RodModel, program: Program, sources: tuple[SourceFile, ...]) -> 
         **arguments(d, program),
         start=braces(start, 1),
         t_end=number(d.t_end),
-        tables=(*_event_tables(d), *method_tables(method)),
+        tables=(
+            *_event_tables(d),
+            *method_tables(method),
+            *(method_tables(method.near) if method.near else ()),
+        ),
         records=(ConstantStruct("kernels", "KERNELS", kernels), ConstantStruct("sizes", "SIZES", sizes)),
         expected=expected,
         notes=_notes(d),

@@ -119,9 +119,9 @@ class SeriesKernel(Kernel):
     """A kernel of power series in time for one order.
 
     There are ``rows`` coefficients of each order: those of the ``coordinates``, of the multipliers, of the
-    first and then of the second factors of ``products``, of other operands, of the work of loads without
-    potential, and last of the ``watched`` quantities. Those of the numbers ``lacking`` have functions without
-    a recurrence; their coefficients are zero.
+    first and then of the second factors of ``products``, of other operands, some that are not used, of the
+    work of loads without potential, and last of the ``watched`` quantities. Those of the numbers ``lacking``
+    have functions without a recurrence; their coefficients are zero.
     """
 
     rows: int = 0

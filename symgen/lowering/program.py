@@ -32,6 +32,8 @@ def lower_system(system: System) -> Program:
     names = dict.fromkeys(name for export in system.exports for name in export.matrices)
     if point:
         names.update(dict.fromkeys((point.mass, point.jacobian, point.force, point.rhs)))
+    if system.residual:
+        names[system.residual] = None
     lowering = _Lowering(system, Shared(system, tuple(names)))
     kernels = lowering.solution(point) if point else []
     kernels += [lowering.export(export) for export in system.exports if export.matrices]
@@ -41,12 +43,10 @@ def lower_system(system: System) -> Program:
     )
     parameters = system.group("p")
     series: list[Kernel] = []
-    if point:
+    if point or system.residual:
         with suppress(DerivationError):  # a function without a recurrence: there are no power series
             held = _held(system)
-            series = (lowering if held is system else _Lowering(held, Shared(held, tuple(names)))).series(
-                point
-            )
+            series = (lowering if held is system else _Lowering(held, Shared(held, tuple(names)))).series()
     kernels = list(with_setup([*kernels, *series], parameters))
     kernels, series = kernels[: len(kernels) - len(series)], kernels[len(kernels) - len(series) :]
     behind = sum(k.out_size for k in kernels if k.name == SETUP)
@@ -167,25 +167,34 @@ class _Lowering:
         self.pivots = len(stored)
         return [factorise, in_place, replace(accelerations, first=(factorise,), then=(in_place,))]
 
-    def series(self, point: SaddlePoint) -> list[Kernel]:
+    def series(self) -> list[Kernel]:
         """Return the kernels of power series in time."""
-        n, m = self.system[point.mass].matrix.rows, self.system[point.jacobian].matrix.rows
-        of = self.shared.entries
-        mass, jacobian = ({divmod(ij, n): e for ij, e in of[x].items()} for x in (point.mass, point.jacobian))
-        of_runs = (x.matrices for x in self.system.exports if x.kernel == "events")
-        watched = [self.system[name] for names in of_runs for name in names if name != RATES]
+        of, system, point = self.shared.entries, self.system, self.system.saddle_point
+        mass: dict[tuple[int, int], Node] = {}
+        jacobian = mass
+        if point:
+            n, m = system[point.mass].matrix.rows, system[point.jacobian].matrix.rows
+            mass, jacobian = (
+                {divmod(ij, n): e for ij, e in of[x].items()} for x in (point.mass, point.jacobian)
+            )
+            sides = of[point.force] | {n + i: e for i, e in of[point.rhs].items()}
+        else:
+            n, sides = len(system.group("q").quantities), of[system.residual]
+            m = system[system.residual].matrix.rows - n
+        of_runs = (x.matrices for x in system.exports if x.kernel == "events")
+        watched = [system[name] for names in of_runs for name in names if name != RATES]
         equations = EquationsOfMotion(
             self.shared.values,
             n,
             m,
             mass,
             jacobian,
-            of[point.force] | {n + i: e for i, e in of[point.rhs].items()},
+            sides,
             of.get("constraints", {}),
             of["power"].get(0, ZERO) if "power" in of else None,
             [of[x.name].get(i, ZERO) for x in watched for i in range(len(x.matrix))],
             sum(len(x.matrix) for x in watched if x.name.endswith("events")),
-            len(self.system.group("p").quantities),
+            len(system.group("p").quantities),
         )
         return list(lower_series(equations))
 

@@ -3,8 +3,8 @@
 The kernel ``sides`` is called for the orders k = 0, 1, 2, ... of one step in turn. It returns coefficient k
 of the right-hand side of [M J^T; J 0] [a; lambda] = [f; gamma], with those of a and lambda of order k still
 zero. The matrix at the beginning of the step is that of all orders: ``solve`` gives coefficient k of a and
-lambda, and by it coefficient k + 2 of q. Then ``along`` returns coefficient k of further quantities: the
-power, and what a run watches.
+lambda, and by it coefficient k + 2 of q. Then ``along`` completes operands that contain a and lambda, and
+returns coefficient k of further quantities: the power, and what a run watches.
 
 Each order has a row of coefficients: those of q, those of lambda, and the operands of products and functions.
 Coefficient k of a product is a_0 b_k + a_k b_0 and the sum of a_i b_(k - i) for 0 < i < k; so it is for
@@ -90,7 +90,7 @@ class EquationsOfMotion:
     mass, jacobian
         Entries of M and J that are not zero.
     sides
-        Entries of f, and behind them of gamma.
+        Entries of f, and behind them of gamma, with other terms of M a, J^T lambda and J a subtracted.
     constraints
         Entries of Phi.
     power
@@ -148,16 +148,19 @@ def lower_series(e: EquationsOfMotion) -> list[SeriesKernel]:
     found = writer.two_ahead({n + i: x for i, x in squares.items()})
     found |= dict(zip(sums, writer.write(totals), strict=True))
     before = writer.solved()
+    writer.complete_operands()
     along = writer.write([*powers, *watched])
     rows, counts = len(writer.placed) + len(along), (len(watched), lacking, len(writer.pairs))
+    if rows > 256:  # at odd multiples of eight they lie in different sets of a cache
+        rows += (8 - rows) % 16
     about = "coefficient of the right-hand side of the equations of motion"
     out = [found[i] for i in range(n + e.m)]
     kernels = [_kernel("sides", about, writer.complete(before), out, rows, e, *counts)]
-    if along:
+    if writer.statements or along:
         about = "coefficient of the power of loads without potential" if powers else "coefficient"
         about += (" and" if powers else "") + " of what a run watches" if watched else ""
         kernels.append(_kernel("along", about, writer.statements, along, rows, e, *counts))
-    if sum(len(kernel.assignments) for kernel in kernels) > MOST:
+    if e.mass and sum(len(kernel.assignments) for kernel in kernels) > MOST:  # loops have few links
         raise DerivationError("the motion has too many terms for power series")
     return kernels
 
@@ -225,8 +228,6 @@ class _Writer:
             self._append([pair[i] for pair in self.pairs])
         self._sums = {pair: _place(SUM, i) for i, pair in enumerate(self.pairs)}
 
-    # -- rows --------------------------------------------------------------------------------------------
-
     def _append(self, atoms: Sequence[Atom]) -> int:
         """Return the first of new rows side by side for these atoms."""
         first = len(self.placed)
@@ -245,8 +246,6 @@ class _Writer:
 
     def _first(self, array: str, atom: Atom) -> Reference:
         return _place(array, self.rows[atom][0])
-
-    # -- coefficients ------------------------------------------------------------------------------------
 
     def _value(self, atom: Atom) -> Node:
         """Return the coefficient of the present order of an atom; zero while it is unknown."""
@@ -282,6 +281,9 @@ class _Writer:
 
     def _new(self, atom: Atom, value: Node) -> None:
         """Name the present coefficient of an atom."""
+        if value == ZERO:  # of accelerations and multipliers alone, which are unknown
+            self._results[atom] = ZERO
+            return
         if isinstance(atom, Value) and atom not in self._results:
             name = atom.name
         else:
@@ -289,11 +291,11 @@ class _Writer:
         self.statements.append(Assignment(name, value))
         self._results[atom] = Reference(name)
 
-    # -- statements --------------------------------------------------------------------------------------
-
     def _store(self, atom: Atom) -> None:
         """Store the present coefficient in all rows of an atom and of its rate."""
         value = self._value(atom)
+        if value == ZERO:
+            return
         rows = [] if self._is_ahead(atom) else self.rows.get(atom, ())
         self.statements += [Assignment(_place(AT, row).name, value) for row in rows]
         rate = multiply(ORDER, value)
@@ -367,6 +369,12 @@ class _Writer:
         before, self.statements, self._solved = self.statements, [], True
         self._done = {atom for atom in self._done if not self.terms.is_of_late(atom)}
         return before
+
+    def complete_operands(self) -> None:
+        """Write the coefficients of operands that depend on those of a and lambda."""
+        for atom in [atom.of if isinstance(atom, Rate) else atom for atom in self.rows]:
+            if self.terms.is_of_late(atom):
+                self._ensure(atom)
 
     def complete(self, before: Sequence[Assignment]) -> list[Assignment]:
         """Return all statements of ``sides``: with the rows of sums of coordinates, of a and of lambda."""

@@ -70,6 +70,7 @@ def tangents_of(system: System, kernels: Sequence[str], groups: Sequence[str]) -
         matrices=tuple(matrices.values()),
         exports=tuple(exports),
         saddle_point=None,
+        residual="",
         definitions=(*system.definitions, *tangents.definitions),
     )
 

@@ -117,6 +117,8 @@ def _common(resolved: Linkage | Loop, program: Program, equations: str) -> dict[
             for p in resolved.parameters
         ),
         "kernels": kernel_infos(program.kernels),
+        "series_rows": program.series[0].rows if program.series else 0,
+        "series_watched": program.series[0].watched if program.series else 0,
         "references": program.references,
         "left_out": program.left_out,
     }
@@ -180,8 +182,6 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
         work_of_loads="energy" in kernels and any(b.name == "power" for b in kernels["energy"].blocks),
         inputs=tuple(p.quantity.name for p in linkage.parameters if p.input),
         first_pivot=program.pivots,
-        series_rows=program.series[0].rows if program.series else 0,
-        series_watched=program.series[0].watched if program.series else 0,
         start=(),
         redundant=(),
         t_end=linkage.number(linkage.t_end),

@@ -68,7 +68,7 @@ class Chosen:
         ModelError
             For a symbol that there is not.
         """
-        system = replace(self.system, matrices=self.matrices, exports=(), saddle_point=None)
+        system = replace(self.system, matrices=self.matrices, exports=(), saddle_point=None, residual="")
         known = {x.name: x.symbol for x in system.symbols()}
         for name in values:
             check_known(name, known, f"{system.name} has no symbol")

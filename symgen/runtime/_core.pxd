@@ -81,6 +81,7 @@ cdef extern from "core/core.h" nogil:
         long adaptive, error_order
         const long *counts
         const double *numbers
+        const scheme *near
 
     cdef struct task:
         double t0, t_end, rtol, atol, step, max_drift, max_step
@@ -224,6 +225,7 @@ cdef class Core:
 cdef class Scheme:
     cdef scheme filled
     cdef Memory memory
+    cdef Scheme near
     cdef long counts[MOST_COUNTS]
 
 

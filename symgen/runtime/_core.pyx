@@ -327,6 +327,8 @@ cdef class Scheme:
         core.api.widen(numbers.shape[0], &numbers[0], &rest[0], self.memory.at)
         self.filled.adaptive, self.filled.error_order = method.adaptive, method.error_order
         self.filled.counts, self.filled.numbers = self.counts, <double *>self.memory.at
+        self.near = core.scheme(method.near) if method.near else None
+        self.filled.near = &self.near.filled if method.near else NULL
 
 
 #: The core of doubles.
@@ -658,8 +660,8 @@ cdef class Run:
             raise ValueError(f"expected directions and ends of {equations.core.sizes.events} events")
         if method.kind == "taylor" and not equations.core.sizes.series_rows:
             raise ModelError(
-                f"{method.name}: power series are for compiled linkages and user-defined systems, of fewer than about 100 "
-                "rods, without powers of varying exponent, and those of users without abs, sign and max\n  Choose dop853."
+                f"{method.name}: power series are for compiled linkages, of fewer than about 100 rods, free loops and user-defined "
+                "systems, without powers of varying exponent, and those of users without abs, sign and max\n  Choose dop853."
             )
         self.scheme = self.of.scheme(method)
         self.asked.t0, self.asked.t_end, self.asked.rtol, self.asked.atol = t0, t_end, rtol, atol

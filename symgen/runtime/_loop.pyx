@@ -30,10 +30,10 @@ cdef extern from "core/loops.h" nogil:
         pass
 
     cdef struct loop_kernels:
-        kernel_t inputs, position, motion, inverse, given, outputs, energy, setup, events
+        kernel_t inputs, position, motion, inverse, given, outputs, energy, setup, events, series
 
     cdef struct loop_sizes:
-        long n, parameters, derived, extra, work, out_size, solved, inputs, unknown, known, balls, switches, rank
+        long n, parameters, derived, extra, work, out_size, solved, inputs, unknown, known, balls, switches, rank, series_rows, series_watched
         double size, tolerance
 
     cdef struct ball:
@@ -98,6 +98,7 @@ cdef loop_kernels kernels_of(addresses):
     functions.given, functions.outputs = kernel_of(addresses, "given"), kernel_of(addresses, "outputs")
     functions.energy = kernel_of(addresses, "energy")
     functions.setup, functions.events = kernel_of(addresses, "setup"), kernel_of(addresses, "events")
+    functions.series = kernel_of(addresses, "series")
     return functions
 
 
@@ -135,6 +136,8 @@ cdef class LoopEquations(Integrable):
         Number of switching points of loads: values that the kernel 'events' writes.
     work_of_loads
         Whether the work of loads without potential is integrated.
+    series_rows, series_watched
+        Coefficients of one order of power series, and those of the kernel 'events' among them.
     """
 
     cdef const loops_table *api
@@ -149,7 +152,7 @@ cdef class LoopEquations(Integrable):
 
     def __init__(self, library, p, Py_ssize_t work_size, Py_ssize_t out_size, lengths, solved, inputs, unknown,
                  double size, Py_ssize_t rank, *, Core core=DOUBLE, double tolerance=0.0,
-                 balls=(), long switches=0, bint work_of_loads=True):
+                 balls=(), long switches=0, bint work_of_loads=True, long series_rows=0, long series_watched=0):
         cdef Py_ssize_t k
         cdef loop_sizes wanted
         cdef loop_kernels functions
@@ -176,6 +179,10 @@ cdef class LoopEquations(Integrable):
         wanted.unknown, wanted.known, wanted.rank, wanted.size = len(found), len(known), rank, size
         wanted.tolerance, wanted.balls, wanted.extra = tolerance, len(balls), work_of_loads
         wanted.switches = switches if functions.events != NULL else 0
+        if functions.series != NULL and work_of_loads:
+            wanted.series_rows, wanted.series_watched = series_rows, series_watched
+        else:
+            wanted.series_rows = wanted.series_watched = 0
         at_least("parameters", wanted.parameters, wanted.balls + wanted.switches)
         if len(balls) > MOST or any([not -1 <= i < len(lengths) for angles in balls for i in angles]):
             raise ValueError(f"expected numbers of variables below {len(lengths)} for each ball joint, got {balls!r}")

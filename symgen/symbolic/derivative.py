@@ -66,7 +66,9 @@ def derivative(system: System, matrices: Iterable[NamedMatrix], name: str) -> Sy
         for m in matrices
     )
     definitions = (*system.definitions, *derivatives)
-    return replace(system, matrices=by_name, exports=(), definitions=definitions, saddle_point=None)
+    return replace(
+        system, matrices=by_name, exports=(), definitions=definitions, saddle_point=None, residual=""
+    )
 
 
 def _through(expression: sp.Expr, slopes: dict[sp.Symbol, sp.Expr]) -> sp.Expr:

@@ -178,12 +178,12 @@ class SaddlePoint:
 class System:
     """Everything derived for one model.
 
-    ``constants`` are the letters of the scene with their values, ``absent`` those that are zero. A System of
-    a user that moves has ``values``: those of its parameters, and of coordinates and rates at the start, by
-    name; coordinates without a value are zero.
+    ``constants`` are the letters of the scene with their values, ``absent`` those that are zero. ``values``
+    are, of a user's that moves, those of parameters and, unless zero, of coordinates and rates at the start.
 
     ``sources`` lists patterns of names of matrices with their equations in the source; the first that matches
     becomes the source of a matrix that states none. Where nothing matches, it is not in the source.
+    ``residual`` vanishes along a motion, row by row for ``work``, where there is no saddle point.
 
     Raises
     ------
@@ -198,6 +198,7 @@ class System:
     exports: tuple[Export, ...]
     definitions: tuple[Definition, ...] = ()
     saddle_point: SaddlePoint | None = None
+    residual: str = ""
     references: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     sources: tuple[tuple[str, str], ...] = ()

@@ -90,11 +90,16 @@ def same_energy(run, model, q, u, tolerance=1e-9):
         assert np.ptp(potential) <= tolerance * np.max(np.abs(expected[:, 1]))
 
 
-def run_of(scene, t_end):
-    return in_inches(symgen.build(scene).simulate(t_end=t_end, rtol=1e-12, atol=1e-14, samples=SAMPLES))
+def run_of(scene, t_end, method):
+    model = symgen.build(scene)
+    return in_inches(model.simulate(t_end=t_end, method=method, rtol=1e-12, atol=1e-14, samples=SAMPLES))
 
 
-def test_crank_torque_given():
+both = pytest.mark.parametrize("method", ["dop853", "taylor"])
+
+
+@both
+def test_crank_torque_given(method):
     """A constant torque on the crank: its work is the kinetic energy."""
     crank = Crank(a4=A4, alpha4=ALPHA4)
     model = Free(crank, (0,), (0, 3.5, 0), lambda t, q, u: np.array([40.0]))
@@ -108,7 +113,7 @@ def test_crank_torque_given():
         drives={"theta1": "40 lbf*in"},
         outputs=["theta1", "theta1.rate", "S4", "kinetic_energy", "power", "crank.joint1.force"],
     )
-    run = run_of(scene, t_end)
+    run = run_of(scene, t_end, method)
     agrees(run, ["theta1"], q, u)
     same_energy(run, model, q, u)
     kinetic, angle = run.variable("kinetic_energy").values, run.variable("theta1").values
@@ -123,7 +128,8 @@ def test_crank_torque_given():
         assert np.allclose(found, expected["F1"][0].astype(float), rtol=1e-8, atol=1e-7)
 
 
-def test_crank_and_its_shaft_free_on_a_spring():
+@both
+def test_crank_and_its_shaft_free_on_a_spring(method):
     """Two free coordinates in one joint; S1 against a spring and a damper."""
     crank = Crank(a4=A4, alpha4=ALPHA4, gravity=(0.0, -386.4, 0.0))
     t_end = 0.15
@@ -148,12 +154,13 @@ def test_crank_and_its_shaft_free_on_a_spring():
         gravity=np.array(crank.gravity) * 0.0254,
         outputs=["theta1", "theta1.rate", "S1", "S1.rate", "kinetic_energy", "potential_energy"],
     )
-    run = run_of(scene, t_end)
+    run = run_of(scene, t_end, method)
     agrees(run, ["theta1", "S1"], q, u)
     same_energy(run, model, q, u)
 
 
-def test_spin_of_a_general_rod_is_a_coordinate():
+@both
+def test_spin_of_a_general_rod_is_a_coordinate(method):
     """An unsymmetrical rod between two balls swings about their line; no drive, so the energy stays."""
     t_end = 0.15
     model = Free(GENERAL, (0, 2), (0, 2.0, 0), lambda t, q, u: np.zeros(2))
@@ -176,7 +183,7 @@ def test_spin_of_a_general_rod_is_a_coordinate():
             "energy",
         ],
     )
-    run = run_of(scene, t_end)
+    run = run_of(scene, t_end, method)
     agrees(run, ["theta1", "spin"], q, u)
     same_energy(run, model, q, u)
     energy = run.variable("energy").values

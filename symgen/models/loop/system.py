@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import sympy as sp
@@ -42,6 +42,8 @@ def loop_system(loop: Loop) -> System:
     dynamics, kernels = _dynamics(model, bool(free)) if "forces" in needs else ([], [])
     steps = _steps(model, "mass" in needs)
     switches = _switches(loop)
+    if free:
+        dynamics.append(_residual(model, {m.name: m.matrix for m in motion}))
     derived = {m.name for m in (*motion, *dynamics)}
     _check_names(model, {*derived, *loop_outputs.OF_THE_WHOLE, *(m.name for m in steps)})
     limits, kernel_of_limits = limits_of(loop)
@@ -65,6 +67,7 @@ def loop_system(loop: Loop) -> System:
             *kernel_of_limits,
         ),
         definitions=model.names.definitions,
+        residual="motion_residual" if free else "",
         references=(REFERENCE,),
         sources=(*loop_outputs.sources_of(model), *LOOP),
         left_out=tuple(_left_out(model, needs)),
@@ -216,6 +219,23 @@ def _dynamics(model: LoopDerivation, free: bool) -> tuple[list[NamedMatrix], lis
             )
         )
     return matrices, exports
+
+
+def _residual(model: LoopDerivation, motion: Mapping[str, sp.ImmutableMatrix]) -> NamedMatrix:
+    """Return what vanishes along a free motion with its accelerations and its closing wrench."""
+    rows = [
+        given - effort if v.role != "input" else _jet(v.motion)[2] - v.acceleration.symbol
+        for v, given, effort in zip(model.variables, model.given_efforts, model.joints[1], strict=True)
+    ]
+    closure = motion["screws"] * sp.Matrix(model.second) + motion["screw_drift"]
+    return named(
+        "motion_residual",
+        sp.Matrix([*rows, *-closure]),
+        "N*m, N, rad/s^2, m/s^2",
+        "vanishes in a free motion: known less needed efforts, prescribed less actual accelerations of "
+        "inputs, and accelerations of closure, negative",
+        (*(v.name for v in model.variables), *_SCREW),
+    )
 
 
 def _steps(model: LoopDerivation, mass: bool) -> list[NamedMatrix]:

@@ -80,6 +80,7 @@ def _kernel(system: System, matrices: Sequence[NamedMatrix]) -> Kernel:
         matrices=tuple(matrices),
         exports=exports,
         saddle_point=None,
+        residual="",
     )
     return lower_system(alone).kernels[0]
 

@@ -137,6 +137,8 @@ struct behaviour {
     void (*usual)(const struct equations *e, const real *y, real *q);
     /* Convert y to the usual coordinates, which remain in use with `release`. */
     void (*as_usual)(struct equations *e, real *y, int release);
+    /* Factorise at y and leave in e->factors what the kernel `series` solves with; NULL if `factorise` does. */
+    int (*prepare_series)(struct equations *e, real t, const real *y);
     /* Rounding errors of accelerations near a loss of rank, over epsilon times the magnified part of the motion. */
     double rounding;
 };

@@ -21,13 +21,15 @@ static long room(const struct loop_sizes *s) {
 }
 
 static struct sizes as_equations(const struct loop_sizes *s) {
+    const long unknowns = s->n + ROWS;
     struct sizes made = {0};
     made.n = s->n;
     made.m = ROWS;
     made.extra = s->extra;
     made.parameters = s->parameters;
     made.derived = s->derived;
-    made.work = s->work;
+    made.work = s->series_rows && s->work < unknowns * unknowns ? unknowns * unknowns : s->work;
+    made.series_rows = s->series_rows, made.series_watched = s->series_watched;
     made.choices = made.windings = s->balls;
     made.turns = s->balls ? s->n : 0;
     made.switches = s->switches;
@@ -79,6 +81,7 @@ void loop_bind(struct loop *l, const struct loop_sizes *sizes, const struct loop
     none.energy = kernels->energy;
     none.setup = kernels->setup;
     none.events = kernels->events;
+    none.series = kernels->series;
     equations_bind(&l->base, &plain, &none, memory);
     l->base.of = &loop_behaviour;
     l->base.owner = l;

@@ -28,6 +28,7 @@ struct loop_kernels {
     kernel energy;      /* out = (kinetic, potential, power of loads without potential) */
     kernel setup;       /* quantities that depend on parameters alone, stored behind them */
     kernel events;      /* out = distance from each switching point of loads */
+    kernel series;      /* power series in time of a free motion, see struct kernels */
 };
 
 /* Sizes of a loop and of the groups of its variables. */
@@ -39,6 +40,7 @@ struct loop_sizes {
     long solved, inputs, unknown, known; /* sizes of the groups of variables, in the order of `numbers` */
     long balls;                  /* ball joints with alternative angles near their poles */
     long switches;               /* switching points, whose branches are the last parameters */
+    long series_rows, series_watched; /* see struct sizes */
     long rank;                   /* generic rank of the screws of the solved variables */
     double size;                 /* the length that scales displacements and moments [m] */
     double tolerance;            /* largest defect of closure in dependent equations, measured as `closure` */

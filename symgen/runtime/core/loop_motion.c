@@ -137,6 +137,66 @@ static void accelerate_loop(struct equations *e, real t, const real *y) {
     loop_hold(l, b, a + n);
 }
 
+/* Write the inverse of the matrix of accelerations and closing wrench to e->factors, column by column. Its rows are the
+   efforts of variables, for inputs their accelerations, and the accelerations of closure. */
+static int invert_loop(struct equations *e, real t, const real *y) {
+    struct loop *l = of(e);
+    const long n = l->sizes.n, d = l->free;
+    real *a = e->factors, *found = l->reduced + d * d, *left = l->efforts, *change = l->step;
+    const int status = factorise_loop(e, t, y);
+    if (status != DONE)
+        return status;
+    memset(e->out, 0, (size_t)n * sizeof(real));
+    l->kernels.inverse(&t, l->q, y + n, e->p, e->out, l->loads);
+    memcpy(l->efforts, l->loads, (size_t)n * sizeof(real));
+    span(l);
+    reduce(l);
+    if (!balance(l))
+        return NOT_FINITE;
+    for (long c = 0; c < n + ROWS; c++, a += n + ROWS) {
+        real b[MOST] = {0}, x[MOST];
+        memset(a, 0, (size_t)n * sizeof(real));
+        memset(left, 0, (size_t)n * sizeof(real));
+        if (c >= n)
+            b[c - n] = 1;
+        else
+            left[c] = 1;
+        for (long k = 0; k < l->sizes.inputs; k++)
+            if (l->driven[k] == c)
+                for (int i = 0; i < ROWS; i++)
+                    b[i] -= l->screws[12 + n * i + c], a[c] = 1;
+        if (c >= n || a[c] != 0) {
+            loop_solve(l, b, x);
+            for (long k = 0; k < l->sizes.solved; k++)
+                a[l->solved[k]] = x[k];
+        }
+        memcpy(change, a, (size_t)n * sizeof(real));
+        for (int again = 0; again < 2; again++) {
+            for (long i = 0; i < n; i++)
+                for (long j = 0; j < n; j++)
+                    left[i] -= inertia_of(l)[n * i + j] * change[j];
+            if (again)
+                break;
+            for (long i = 0; i < d; i++) {
+                found[i] = 0;
+                for (long j = 0; j < n; j++)
+                    found[i] += l->basis[(n + 1) * i + j] * left[j];
+            }
+            solve_positive(d, l->reduced, found);
+            memset(change, 0, (size_t)n * sizeof(real));
+            for (long i = 0; i < d; i++)
+                for (long j = 0; j < n; j++)
+                    change[j] += l->basis[(n + 1) * i + j] * found[i];
+            for (long j = 0; j < n; j++)
+                a[j] += change[j];
+        }
+        for (long k = 0; k < l->sizes.solved; k++)
+            b[k] = left[l->solved[k]];
+        loop_hold(l, b, a + n);
+    }
+    return DONE;
+}
+
 void loop_answer(struct loop *l, real *answer) {
     const long n = l->sizes.n, d = l->free, row = ROWS + n;
     memset(answer, 0, (size_t)(n * row) * sizeof(real));
@@ -261,6 +321,7 @@ const struct behaviour loop_behaviour = {
     .position_error = position_error_loop,
     .velocity_error = velocity_error_loop,
     .factorise = factorise_loop,
+    .prepare_series = invert_loop,
     .project = project_loop,
     .make_tangent = make_tangent_loop,
     .measure_energy = measure_energy_loop,

@@ -9,6 +9,10 @@
 /* Accelerations of linkages vary much between steps: beyond this growth the factor CAREFUL applies. */
 #define GROW_FREELY 1.2
 
+/* Least pivot of the constraints, over the largest so far, at which steps of a method with another near a loss of rank do
+   not end: rates lose their digits. */
+#define TOO_NEAR 1e-3
+
 /* -- memory ------------------------------------------------------------------------------------------------ */
 
 /* Point all arrays into memory, or only count their bytes. */
@@ -16,7 +20,9 @@ static size_t place(struct run *run, void *memory) {
     const struct sizes *sizes = &run->e->sizes;
     const long dim = run->dim, events = sizes->events, switches = sizes->switches;
     const long samples = run->task.samples + 1, found = events ? run->task.found : 0;
-    const size_t own = run->scheme.kind->bytes(run->e, run->scheme.counts);
+    const struct scheme *near = run->given->near;
+    const size_t own = run->given->kind->bytes(run->e, run->given->counts);
+    const size_t own_near = near ? near->kind->bytes(run->e, near->counts) : 0;
     run->branch_bytes = branch_bytes(run->e);
     const struct arena_array arrays[] = {
         ARENA_ARRAY(run->state, 1),
@@ -39,7 +45,8 @@ static size_t place(struct run *run, void *memory) {
         ARENA_ARRAY(run->farthest, switches),
         ARENA_ARRAY(run->switched, switches),
         ARENA_ARRAY(run->switch_gaps, (SWITCH_PROBES + 1) * switches),
-        {&run->own, own},
+        {&run->owns[0], own},
+        {&run->owns[1], own_near},
         {&run->branch, run->branch_bytes},
         ARENA_ARRAY(run->directions, events),
         ARENA_ARRAY(run->terminal, events),
@@ -51,18 +58,26 @@ static size_t place(struct run *run, void *memory) {
 }
 
 size_t run_bytes(const struct equations *e, const struct scheme *scheme, const struct task *task) {
-    struct run run = {.e = (struct equations *)e, .scheme = *scheme, .task = *task, .dim = e->dim};
+    struct run run = {.e = (struct equations *)e, .given = scheme, .task = *task, .dim = e->dim};
     return place(&run, NULL);
+}
+
+/* Bind the method of the present steps. */
+static void bind_method(struct run *run) {
+    const struct task *task = &run->task;
+    const int near = run->given->near && run->state->near;
+    run->scheme = near ? *run->given->near : *run->given;
+    run->scheme.adaptive = run->scheme.adaptive && (task->rtol > 0.0 || task->atol > 0.0); /* these need a tolerance */
+    run->own = run->owns[near];
+    run->scheme.kind->bind(run);
 }
 
 void run_bind(struct run *run, struct equations *e, const struct scheme *scheme, const struct task *task,
               void *memory) {
-    run->e = e, run->scheme = *scheme, run->task = *task, run->dim = e->dim;
-    /* adaptive steps need a tolerance */
-    run->scheme.adaptive = scheme->adaptive && (task->rtol > 0.0 || task->atol > 0.0);
-    e->finest = run->scheme.adaptive ? task->atol : 0.0;
+    run->e = e, run->given = scheme, run->task = *task, run->dim = e->dim;
     run->bytes = place(run, memory);
-    run->scheme.kind->bind(run);
+    bind_method(run);
+    e->finest = run->scheme.adaptive ? task->atol : 0.0;
 }
 
 /* Whether the times of samples are within the run, in ascending order. */
@@ -110,6 +125,7 @@ void run_reset(struct run *run) {
     s->ended_by = s->worst = s->blind = s->slid = -1;
     s->sound = s->at_look = s->at_before = s->looked = INFINITY;
     s->t_looked = s->t;
+    bind_method(run);
     s->kinetic_min = s->potential_min = s->energy_start = REAL_INFINITY;
     s->kinetic_max = s->potential_max = -REAL_INFINITY;
 }
@@ -220,6 +236,25 @@ static real first_step(struct run *run) {
     return real_fmin(real_fmin(R(100) * h0, h1), left);
 }
 
+/* Choose the method of the next steps, that near a loss of rank within a part of the soundest pivot. */
+static int choose_method(struct run *run) {
+    struct state *s = run->state;
+    s->soundest = fmax(s->soundest, s->sound);
+    const int near = s->sound < (s->near ? 2 * NEARBY : NEARBY) * s->soundest;
+    if (run->given->near == NULL || !run->scheme.adaptive || near == s->near)
+        return MORE;
+    s->near = near;
+    bind_method(run);
+    const int status = run->scheme.kind->begin(run);
+    if (status != DONE)
+        return status;
+    if (run->scheme.kind->longest)
+        s->h = R(run->task.t_end) - R(run->task.t0);
+    else if (s->t < R(run->task.t_end))
+        s->h = first_step(run);
+    return MORE;
+}
+
 /* -- the loop ---------------------------------------------------------------------------------------------- */
 
 /* Update drift of constraints and energy with the state just accepted. */
@@ -272,6 +307,7 @@ static int place_start(struct run *run) {
     if (status != DONE)
         return status;
     s->sound = s->at_look = s->at_before = e->account->soundness;
+    s->soundest = fmax(s->soundest, s->sound);
     s->t_old = s->t_look = s->t_before = s->t;
     follow_windings(run, s->t);
     return DONE;
@@ -424,6 +460,9 @@ static int accepted_step(struct run *run, real *t_new, real *length) {
             return failed;
         h = end_of_step(run, h, t_new);
         int status = try_step(run, h, *t_new);
+        const int leaves = run->scheme.near && run->scheme.adaptive;
+        if (status == DONE && leaves && run->e->account->soundness < TOO_NEAR * s->soundest)
+            status = SINGULAR;
         if (status == DONE)
             break;
         s->rejected++;
@@ -524,6 +563,8 @@ static int one_step(struct run *run) {
     }
     rewrite_back(run);
     status = monitor(run);
+    if (status == MORE && s->ended_by < 0)
+        status = choose_method(run);
     return status == MORE && s->ended_by >= 0 ? ENDED : status;
 }
 

@@ -51,6 +51,9 @@ struct task {
    rejected. */
 #define CAREFUL 0.75
 
+/* Least pivot of the constraints, over the largest so far, below which steps are those of the method near a loss of rank. */
+#define NEARBY 3e-2
+
 struct run;
 
 /* Capacity of the coefficients of a polynomial over a step, and with a rate behind them. */
@@ -108,6 +111,7 @@ struct scheme {
     long error_order;    /* the step is proportional to norm^(-1 / (error_order + 1)) */
     const long *counts;
     const real *numbers;
+    const struct scheme *near; /* the method of adaptive steps near a loss of rank; NULL: this one */
 };
 
 /* Variables of a run: plain types, no pointers. */
@@ -128,6 +132,8 @@ struct state {
     /* rank */
     real t_old, t_look, t_before;
     double sound, at_look, at_before;
+    double soundest;                /* the largest part of a pivot so far, at ends of steps */
+    long near;                      /* whether steps are those of the method near a loss of rank */
     double looks[STEP_PROBES - 1], looked; /* the least pivot at the probes inside the step to t_looked, and the
                                               least of them */
     real t_looked;
@@ -161,7 +167,8 @@ struct event {
 
 struct run {
     struct equations *e;
-    struct scheme scheme;
+    const struct scheme *given;
+    struct scheme scheme;        /* of the present steps */
     struct task task;
     long dim;
     size_t bytes;
@@ -181,7 +188,8 @@ struct run {
                                     method's own choice */
     real *references;            /* references of angles in loads, one row per sample */
     real *turned, *turns;        /* continuous angles of links and their rates at y; these angles at samples */
-    void *own;                   /* data of the method */
+    void *own;                   /* data of the method of the present steps, one of these: */
+    void *owns[2];               /* of the given one, and of that near a loss of rank */
     void *branch;                /* memory of return_to_branch, branch_bytes of it */
     size_t branch_bytes;
     real *farthest;              /* largest distance from each switching point so far */

@@ -105,7 +105,8 @@ static void lane_factor(struct lane_runs *l, wide t, const wide *y) {
     for (ptrdiff_t i = 0; i < n + l->sizes.m; i++) {
         const wide *pivot = l->factors + l->sizes.first_pivot + 2 * i, terms = magnitude(pivot[1]);
         const wide ratio = (i < n ? R(1) : R(-1)) * pivot[0] / terms;
-        const real least = i < n ? R(MASSLESS) : real_fmax(R(NEAR), R(l->sizes.rank_tolerance));
+        const real near = l->scheme.near ? R(NEARBY) : R(NEAR);
+        const real least = i < n ? R(MASSLESS) : real_fmax(near, R(l->sizes.rank_tolerance));
         l->failed |= ~((terms != 0) & (ratio > least) & is_finite(ratio));
     }
 }

@@ -102,7 +102,7 @@ static int expand(struct run *run, long which, real t, const real *y, real *dy) 
     struct equations *e = run->e;
     const long order = order_of(&run->scheme, &run->task);
     const real at[] = {t, R(order - 1 + (e->extra || e->sizes.series_watched))};
-    const int status = e->of->factorise(e, t, y);
+    const int status = (e->of->prepare_series ? e->of->prepare_series : e->of->factorise)(e, t, y);
     if (status != DONE)
         return status;
     x.order[which] = order;
@@ -177,9 +177,10 @@ static real longest(const struct run *run) {
     int probed = 0;
     for (long i = 0; i < s->events; i++)
         probed |= is_probed(run, i);
-    if (s->series_watched)
+    if (s->series_watched && !s->choices)
         return within_references(run, probed ? R(0.25) * length : length);
-    return length * (s->events || s->switches || s->windings || s->turns ? R(0.25) : R(1));
+    probed = s->choices ? s->switches && !s->series_watched : s->events || s->switches || s->windings || s->turns;
+    return length * (probed ? R(0.25) : R(1));
 }
 
 /* The end is projected and expanded at once: accelerations and power there are compared with those of the series. A

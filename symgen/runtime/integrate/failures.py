@@ -35,7 +35,11 @@ def problem(
     chosen: Options,
 ) -> str:
     """Return the message for a run that ended with this status: time, cause, remedy and last state."""
-    text = _problem(status, stepper, equations, evaluator, chosen)
+    return with_cause(_problem(status, stepper, equations, evaluator, chosen), status, chosen)
+
+
+def with_cause(text: str, status: int, chosen: Options) -> str:
+    """Return the message for a run with this status, with what may cause the failure of power series."""
     asked = status in (OUT_OF_TIME, _core.DRIFTED, _core.MORE)
     return text if chosen.method.kind != "taylor" or asked else f"{text}\n  {_OF_SERIES}"
 

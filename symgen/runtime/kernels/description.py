@@ -325,7 +325,8 @@ class LoopDescription(Described):
     beginning of the range, or the first value of it at which the loop closes. ``assembly_tolerance`` is the
     defect of closure [m], of rotations times the size of the loop, that dependent equations may leave.
     ``inputs`` are the parameters that are external signals, the last of the tunable ones. The turns in front
-    of ``balls`` and the branches of ``switches`` are the last parameters.
+    of ``balls`` and the branches of ``switches`` are the last parameters. ``series_rows`` and
+    ``series_watched`` are those of :class:`Description`.
     """
 
     method: ClassVar[str] = "loop"
@@ -343,6 +344,8 @@ class LoopDescription(Described):
     balls: tuple[BallInfo, ...] = ()
     switches: tuple[str, ...] = ()
     inputs: tuple[str, ...] = ()
+    series_rows: int = 0
+    series_watched: int = 0
 
     @property
     def tunable(self) -> tuple[ParameterInfo, ...]:

@@ -108,6 +108,8 @@ class LoopKernels(Kernels):
             balls=[ball.angles for ball in d.balls],
             switches=len(d.switches),
             work_of_loads=work_of_loads,
+            series_rows=d.series_rows,
+            series_watched=d.series_watched,
         )
 
     def empty(self, count: int) -> tuple[Array, Array, Array]:

@@ -353,7 +353,7 @@ class LoopModel(Model):
 
     @takes(RunArguments)
     def _simulate(self, request: RunArguments) -> Result:
-        chosen = _explicit(request.options(self.description.t_end, self._type))
+        chosen = _of_loops(request.options(self.description.t_end, self._type))
         if chosen.stabilisation == "baumgarte":
             raise ModelError("baumgarte is for linkages of points and links: loops take projection, or raw")
         keeping = request.keeping()
@@ -373,7 +373,7 @@ class LoopModel(Model):
 
     @takes(Stepping)
     def _stepper(self, request: Stepping) -> LoopStepper:
-        return LoopStepper(self, _explicit(request.options()), request.state)
+        return LoopStepper(self, _of_loops(request.options()), request.state)
 
     def _compiled_runs(self, runs: Runs, first: Any) -> DrivenLoops | None:
         from symgen.runtime.loop.many.driven import driven_loops
@@ -381,8 +381,8 @@ class LoopModel(Model):
         return driven_loops(self, first, runs.columns) if first.KIND == Turn.KIND else None
 
 
-def _explicit(chosen: Options) -> Options:
+def _of_loops(chosen: Options) -> Options:
     """Return the options of a run; raise ModelError for a method that loops do not take."""
-    if chosen.method.kind != "explicit":
+    if chosen.method.kind not in ("explicit", "taylor"):
         raise ModelError(f"{chosen.method.name} is for linkages of points and links, not for loops of joints")
     return chosen

@@ -16,7 +16,7 @@ from symgen.runtime.closure.mobility import scaled_screws
 from symgen.runtime.closure.redundancy import note, ranges_of
 from symgen.runtime.closure.start import Closed
 from symgen.runtime.integrate.checkpoint import CheckpointOptions, RunCheckpoints, mark_of
-from symgen.runtime.integrate.failures import of_sliding, unfinished
+from symgen.runtime.integrate.failures import of_sliding, unfinished, with_cause
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.pace import OUT_OF_TIME, Progress, out_of_time
 from symgen.runtime.integrate.simulate import check_end, drive, sample_times, stepper_of
@@ -187,6 +187,10 @@ def _component(entry: int, size: float) -> str:
 
 def problem(kernels: LoopKernels, stepper: _core.Run, chosen: Options, status: int) -> str:
     """Return the message for a run that ended with this status: time, cause, remedy and last state."""
+    return with_cause(_problem(kernels, stepper, chosen, status), status, chosen)
+
+
+def _problem(kernels: LoopKernels, stepper: _core.Run, chosen: Options, status: int) -> str:
     d = kernels.description
     q = stepper.state[: d.coordinates]
     solved = d.having("dependent", "free")

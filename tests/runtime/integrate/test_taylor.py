@@ -168,12 +168,6 @@ def test_what_has_no_power_series_says_so():
         triple.simulate(0.1, method="taylor", step=0.01)
 
 
-def test_near_a_loss_of_rank_the_error_names_another_method():
-    """The parallelogram passes through line poses, where the constraints depend on each other."""
-    with pytest.raises(SimulationError, match="Power series lose their digits near a loss of rank"):
-        symgen.build("parallelogram").simulate(2.0, method="taylor", rtol=1e-12)
-
-
 def test_method_has_the_order_that_a_tolerance_needs():
     """Steps hardly grow in number from one tolerance to a thousandth of it: the order grows."""
     model = symgen.build(RODS)

@@ -16,16 +16,20 @@ import symgen
 import symgen.export
 from symgen.errors import ModelError
 
+both = pytest.mark.parametrize("method", ["dop853", "taylor"])
+
 
 @pytest.fixture(scope="module")
 def model():
     return symgen.build(CASE)
 
 
+@both
 @pytest.mark.parametrize("past", [1e-2, 1e-3, 1e-5, 1e-8, 0.0])
-def test_a_run_passes_poles_of_balls(model, past):
+def test_a_run_passes_poles_of_balls(model, past, method):
     straight = Straight(CRANK + past)
-    result = model.with_parameters(offset=CRANK + past).simulate(rtol=1e-11, atol=1e-12, samples=401)
+    chosen = {"method": method, "rtol": 1e-11, "atol": 1e-12, "samples": 401}
+    result = model.with_parameters(offset=CRANK + past).simulate(**chosen)
     angle = result["theta1"].values
     assert angle[-1] > 1.5 * np.pi
     assert straight.time(angle[-1]) == pytest.approx(1.0, abs=1e-10)
@@ -51,9 +55,11 @@ def test_a_sample_at_the_pole_itself(model):
     assert any("pole" in note for note in run.notes) == bool(open_)
 
 
-def test_the_angles_of_balls_go_straight_on_through_a_pole(model):
+@both
+def test_the_angles_of_balls_go_straight_on_through_a_pole(model, method):
     """The rod's direction by its two angles, from the pin to the slider; no recorded angle jumps at the pole."""
-    run = model.with_parameters(offset=CRANK).simulate(rtol=1e-11, atol=1e-12, samples=401)
+    chosen = {"method": method, "rtol": 1e-11, "atol": 1e-12, "samples": 401}
+    run = model.with_parameters(offset=CRANK).simulate(**chosen)
     angle, theta, eta = (run[name].values for name in ("theta1", "theta2", "eta2"))
     across, zero = angle + theta, np.zeros_like(angle)
     direction = np.array([np.cos(across) * np.cos(eta), np.sin(across) * np.cos(eta), -np.sin(eta)])
@@ -96,7 +102,8 @@ def test_loads_by_the_angles_of_a_ball_take_those_of_the_table(tmp_path):
     np.testing.assert_allclose(straight.mass(angles) * rates**2 / 2, straight.energy + work, rtol=1e-9)
 
 
-def test_a_load_jumps_near_a_pole(tmp_path):
+@both
+def test_a_load_jumps_near_a_pole(tmp_path, method):
     """A torque that changes its sign while the ball is next to its pole: energy by its work on both sides."""
     text = CASE.read_text().replace("[parameters]", '[parameters]\nc = "4 N*m"\nb = "0.2 s"')
     (tmp_path / "scene.toml").write_text(
@@ -104,7 +111,7 @@ def test_a_load_jumps_near_a_pole(tmp_path):
     )
     model, straight = symgen.build(tmp_path / "scene.toml"), Straight(0.301)
     assert model.description.balls
-    run = model.with_parameters(offset=0.301).simulate(0.4, rtol=1e-11, atol=1e-12, samples=3)
+    run = model.with_parameters(offset=0.301).simulate(0.4, method=method, rtol=1e-11, atol=1e-12, samples=3)
     angles, rates = run["theta1"].values, run["theta1.rate"].values
     assert abs(angles[1] - np.pi) < 0.3
     work = 4.0 * np.array([0.0, angles[1] - angles[0], 2 * angles[1] - angles[0] - angles[2]])

@@ -28,6 +28,8 @@ class Integrator:
         Sizes and coefficients, by the names that ``core/KIND.c`` lists.
     needs_tangent
         Whether it needs the Jacobian of the accelerations: kernel ``tangent``.
+    near
+        The method of adaptive steps near a loss of rank of the constraints; None for this one.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Integrator:
     error_order: int
     coefficients: Mapping[str, ArrayLike]
     needs_tangent: bool = False
+    near: Integrator | None = None
 
     @property
     def adaptive(self) -> bool:

@@ -5,6 +5,7 @@ Source: A. Jorba, M. Zou, Experimental Mathematics 14 (2005) 99-117.
 
 from __future__ import annotations
 
+from symgen.runtime.integrate.integrators import dop853
 from symgen.runtime.integrate.integrators.method import Integrator
 
 
@@ -19,6 +20,7 @@ def of_order(order: int) -> Integrator:
         dense_order=ends,
         error_order=ends - 1,
         coefficients={"order": order},
+        near=dop853.METHOD,
     )
 
 

@@ -1,0 +1,105 @@
+"""Free loops by power series: they agree with a Runge-Kutta method within the tolerances, in fewer steps."""
+
+from __future__ import annotations
+
+import tomllib
+
+import numpy as np
+import pytest
+from shared.crank_vectors import Crank, Jet
+from shared.full import full_unless
+from shared.loop_scenes import crank_scene, guess_of
+
+import symgen
+from symgen.errors import ModelError, SimulationError
+from symgen.scene.loading import shipped_scene
+
+RTOL = 1e-10
+
+
+def freed(name, at, rate, gravity=(0.0, 0.0, -9.81)):
+    """A shipped driven loop with a free crank."""
+    tables = tomllib.loads(shipped_scene(name))
+    del tables["loop"]["inputs"]
+    tables["loop"].pop("range", None)
+    tables["parameters"].pop("speed", None)
+    tables["loop"]["free"] = {"theta1": {"at": f"{at!r} rad", "rate": f"{rate!r} rad/s"}}
+    tables["gravity"] = {"acceleration": [f"{float(g)!r} m/s^2" for g in gravity]}
+    return tables | {"analysis": {"t_end": "1 s"}}
+
+
+def pumping(rng):
+    """The shipped crank that a motor turns against a pump, two coordinates free."""
+    tables = tomllib.loads(shipped_scene("cssp"))
+    tables["loop"]["free"] = {
+        "theta1": {"at": "45 deg", "rate": f"{rng.uniform(-9, 9)} rad/s"},
+        "S1": {"at": "1 cm", "rate": f"{rng.uniform(-0.3, 0.3)} m/s"},
+    }
+    for name, unit, low, high in (("stall", "N*m", 1, 20), ("pump", "N*s/m", 5, 80), ("k", "N/m", 500, 4000)):
+        tables["parameters"][name] = {"value": f"{rng.uniform(low, high)} {unit}", "tunable": True}
+    return tables
+
+
+def swayed(rng):
+    """A crank that is free while its shaft is moved along its axis."""
+    crank = Crank(a4=20.0, alpha4=rng.uniform(3.5, 5.0), gravity=(0.0, -386.4, 0.0))
+    return crank_scene(
+        crank,
+        S1="S1",
+        guess=guess_of(crank.motion(Jet([0.75]), Jet([3.0]))),
+        inputs={"S1": "far + sway*sin(w*t)"},
+        free={"theta1": {"at": "0.75", "rate": f"{rng.uniform(2, 8)} rad/s"}},
+        parameters={"far": "3 in", "sway": "0.5 in", "w": f"{rng.uniform(2, 20)} rad/s"},
+        gravity=np.array(crank.gravity) * 0.0254,
+    )
+
+
+def drawn(seed):
+    """Return a random free loop: in space and in the plane, with redundant closure, and moved along."""
+    rng = np.random.default_rng([38, 2, seed])
+    kinds = ("rssr", "planar_4r", "bennett", pumping, swayed)
+    kind = kinds[seed % len(kinds)]
+    if callable(kind):
+        made = kind(rng)
+        return made if isinstance(made, symgen.Scene) else symgen.Scene(**made)
+    return symgen.Scene(**freed(kind, 0.3, rng.uniform(-6, 6), rng.uniform(-9, 9, 3)))
+
+
+def ended(model, method, rtol, t_end=0.7):
+    run = model.simulate(t_end, samples=2, method=method, rtol=rtol, atol=rtol / 100)
+    return run, np.array([x for v in run.final.values() for x in (v["value"], v["rate"])])
+
+
+@pytest.mark.parametrize("seed", full_unless(lambda seed: seed < 10, range(200)))
+def test_random_loops_agree(seed):
+    """Errors by a run at a tighter tolerance: ten times that of the other method is within the tolerance."""
+    model = symgen.build(drawn(seed))
+    try:
+        _, exact = ended(model, "dop853", RTOL / 1000)
+    except SimulationError as error:
+        with pytest.raises(SimulationError):
+            ended(model, "taylor", RTOL)
+        assert "dead centre" in str(error)
+        return
+    (run, series), (other, found) = ended(model, "taylor", RTOL), ended(model, "dop853", RTOL)
+    size = max(1.0, np.max(np.abs(exact)))
+    gap = np.max(np.abs(series - exact)) / size
+    assert gap < 1e-9 + 10 * np.max(np.abs(found - exact)) / size
+    assert run.statistics["steps"] < other.statistics["steps"]
+    assert run.drift.energy < 1e-8 * max(other.drift.energy_exchanged, 1.0)
+
+
+def test_digits_of_quadruple_precision():
+    """Energy and closure of a free motion to 30 digits, which no scheme of doubles has."""
+    model = symgen.build(symgen.Scene(**freed("rssr", 0.5, 3.0)), precision="float128")
+    run = model.simulate(1.0, samples=2, method="taylor", rtol=1e-31, atol=1e-33)
+    assert run.drift.energy < 1e-29
+    assert run.drift.constraint < 1e-31
+
+
+def test_what_has_no_series_says_so():
+    scene = symgen.Scene(**freed("rssr", 0.5, 3.0))
+    with pytest.raises(ModelError, match="power series are for compiled .* free loops and"):
+        symgen.build(scene, backend="numpy").simulate(0.1, method="taylor")
+    with pytest.raises(ModelError, match="Choose dop853, dopri5 or rk4"):
+        symgen.build(scene).sensitivity(["theta4"], ["twist"], t_end=0.1, method="taylor")
