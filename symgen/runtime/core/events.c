@@ -203,30 +203,40 @@ static int is_open(const struct run *run, long index, const struct course *of, r
     return !is_last(run, t_new) && real_fabs(end) <= tolerance && steep * steep <= R(8) * tolerance * reach_of(of->c, of->degree);
 }
 
-static void locate_crossings(struct run *run, real h, long index, const struct course *of, real tolerance, real t_new) {
+/* `touch` is the last touch in the step, or less than zero. Where the run ends within the tolerance of it, there is no
+   crossing as well. */
+static void locate_crossings(struct run *run, real h, long index, const struct course *of, real tolerance, real t_new, real touch) {
     const real end = run->gaps[STEP_PROBES * run->e->sizes.events + index];
     const int open = is_open(run, index, of, tolerance, t_new);
     struct zeros z = {.c = of->c, .degree = of->degree, .noise = tolerance, .width = 1,
                       .sign = run->sides[index], .ends = !open, .last = sign_of(end, 0)};
-    while (next_zero(&z))
-        if (run->directions[index] != z.before)
+    while (next_zero(&z)) {
+        const int touches = is_last(run, t_new) && z.to == 1 && real_fabs(end) <= tolerance && touch >= z.from;
+        if (run->directions[index] != z.before && !touches)
             remember(run, h, crossing(run, h, index, of, &z), index, z.before < 0);
+    }
     run->sides[index] = (signed char)(open ? z.sign : sign_of(end, 0));
 }
 
-/* A rate that is zero at the end of the step has its sign in the next. */
-static void locate_touches(struct run *run, real h, long index, const struct course *of, real tolerance, real t_new) {
+/* Return the last touch, as a part of the step; -1 without one. A rate that is zero at the end of the step has its sign in
+   the next. */
+static real locate_touches(struct run *run, real h, long index, const struct course *of, real tolerance, real t_new) {
     const long n = of->degree;
     const real noise = R(n) * of->noise;
     struct zeros z = {.c = of->rate, .degree = n - 1, .noise = noise, .width = 1, .last = sign_of(of->c[n + 1], 0)};
+    real touch = -1;
     z.ends = z.last != 0 || is_last(run, t_new);
     z.sign = run->slopes[index] ? run->slopes[index] : sign_of(of->rate[0], run->state->steps ? 0 : noise);
     while (next_zero(&z)) {
         const real theta = bisected(of->rate, n - 1, z.from, z.to, z.before);
-        if (real_fabs(value_of(of->c, n, theta)) <= tolerance && run->directions[index] != -z.before)
+        if (!(real_fabs(value_of(of->c, n, theta)) <= tolerance))
+            continue;
+        touch = theta;
+        if (run->directions[index] != -z.before)
             remember(run, h, theta, index, TOUCHES);
     }
     run->slopes[index] = (signed char)(z.last ? z.last : z.sign);
+    return touch;
 }
 
 /* Locate the zeros of an event by its polynomial; return whether this is known. */
@@ -247,11 +257,12 @@ static int locate_zeros(struct run *run, real h, long index, real t_new) {
         run->slopes[index] = 0;
         return 1;
     }
-    locate_crossings(run, h, index, &of, tolerance, t_new);
+    real touch = -1;
     if (most > tolerance)
-        locate_touches(run, h, index, &of, tolerance, t_new);
+        touch = locate_touches(run, h, index, &of, tolerance, t_new);
     else
         run->slopes[index] = 0;
+    locate_crossings(run, h, index, &of, tolerance, t_new, touch);
     return 1;
 }
 

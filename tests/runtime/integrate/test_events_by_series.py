@@ -126,6 +126,16 @@ def test_a_touch_where_steps_join_is_one(longest):
     assert [e.rising for e in found] == [None]
 
 
+@pytest.mark.parametrize("longest", [1.0, 0.25])
+@pytest.mark.parametrize("late", [0.0, 1e-13, 1e-9])
+def test_a_touch_where_the_run_ends_is_one(late, longest):
+    """After a revolution; at the end of the run, x = 1 m is reached within rounding."""
+    model = symgen.build(bar(1.0, [{"name": "top", "of": "A.x", "value": "1 m"}]))
+    run = model.simulate(2 * np.pi + late, method="taylor", rtol=1e-12, max_step=longest)
+    assert [e.rising for e in run.events] in ([[None], [True]] if late == 0.0 else [[None]])
+    assert run.events[0].time == pytest.approx(2 * np.pi, abs=1e-7)
+
+
 @pytest.mark.parametrize("longest", [0.5, 0.25, 0.1])
 def test_a_crossing_where_steps_join_is_one(longest):
     """x = 0.5 m and, with the rate zero, (x - 0.5 m)^3 = 0 at t = 0.5 s."""
