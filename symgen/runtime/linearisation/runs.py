@@ -44,6 +44,9 @@ MOST_STEPS = 1_000_000
 _CHUNK = 4096
 #: Relative change of derivatives by halved steps, over the tolerance of the run, and its largest value.
 _CHANGE, _LARGEST_CHANGE = 1e4, 1e-2
+#: Relative change of derivatives, over that of the states, which halved steps do not reduce: 2 to 3 where a
+#: chaotic motion amplifies both.
+_BEYOND_STATES = 10.0
 
 
 def follow(
@@ -174,25 +177,35 @@ def halved(
 
     Where a motion is at rest or uniform, steps of the method's own choice grow as long as the run. They
     resolve motions about it if the derivatives by the start values of the coordinates, and of their rates,
-    hardly change with steps of half the length. ``again`` carries out the run with other options.
+    hardly change with steps of half the length. They do not settle beyond the states, which a chaotic motion
+    leaves undetermined within the tolerance. ``again`` carries out the run with other options.
     """
     if not (steps.states and chosen.rtol and coordinates):
         return path
     by = [*coordinates, *(f"{name}'" for name in coordinates)]
     first = np.vstack(moved_pose(tangents(state_of(path, 0), path.references[0]), by, coordinates))
     along, limit = steps.along(by), min(_CHANGE * chosen.rtol, _LARGEST_CHANGE)
+    least = chosen.atol / chosen.rtol
 
-    def at_ends(of: StoredTrajectory) -> Array:
+    def at_ends(of: StoredTrajectory) -> tuple[Array, Array]:
         moved = [x for x, _ in carried_forward(of, along, first)[0]]
-        return np.reshape(moved, (len(of.ends), 2, -1))  # of coordinates and rates
+        parts = (len(of.ends), 2, -1)  # coordinates and rates
+        return np.reshape(moved, parts), np.reshape(of.y[list(of.ends)], parts)
 
-    before, change = at_ends(path), np.inf
-    while change > limit:
+    derivatives, states = at_ends(path)
+    change, moved = np.inf, 0.0
+    while change > max(limit, _BEYOND_STATES * moved):
         path = again(replace(chosen, max_step=float(np.max(np.diff(path.t))) / 2))
-        after = at_ends(path)
-        change = np.max(np.linalg.norm(after - before, axis=-1) / np.linalg.norm(after, axis=-1))
-        before = after
+        before, states_before = derivatives, states
+        derivatives, states = at_ends(path)
+        change, moved = _change(before, derivatives, 0.0), _change(states_before, states, least)
     return path
+
+
+def _change(before: Array, after: Array, least: float) -> float:
+    """Return the largest relative change of vectors along the last axis; ``least`` adds to their norms."""
+    norms = np.linalg.norm(after, axis=-1) + least
+    return float(np.max(np.linalg.norm(after - before, axis=-1) / norms))
 
 
 def at_run(
