@@ -294,7 +294,7 @@ def linkage_model(parts: ModelParts) -> RodModel | KinematicModel:
 def _typed(text: SceneText, tools: BuildSettings, base: Described, lanes: bool, series: bool) -> Library:
     """Return the kernels of a scene in the requested type, for one state per call or for batches.
 
-    Of batches, those of ``series`` are kernels by themselves, which few runs need.
+    Kernels of batches with power series (``series``) are built apart, since few runs need them.
     """
     target = replace(tools, compiler=None) if tools.digits else tools.of_lanes if lanes else tools
 

@@ -47,7 +47,10 @@ def end_of_scene(t_end: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """How to run: checked by :func:`options`; ``otherwise`` is the way if the method, a default, cannot."""
+    """How to run: checked by :func:`options`.
+
+    ``otherwise`` are the options of the run that replaces this one if its method, a default, cannot continue.
+    """
 
     method: Integrator
     t_end: float
@@ -150,7 +153,7 @@ def _options(
 
 
 def by_series(found: Options) -> Options:
-    """Return the options of the default method: power series for small tolerances, otherwise the given."""
+    """Return options by default: with power series for small tolerances, otherwise those ``found``."""
     if not 0.0 < found.rtol <= SERIES_RTOL or found.stabilisation != "projection" or found.otherwise:
         return found
     return replace(found, method=integrator("taylor"), otherwise=found)

@@ -67,7 +67,7 @@ def run(
     ``typed`` are kernels in the type to integrate in, those of the evaluator when absent; ``tangent`` the
     kernels of the analysis of that name, for methods that need it; ``t_eval`` the times to record instead of
     equally spaced ones. ``given`` is the state of the caller that y is of, which may violate the constraints.
-    A run by a default method that cannot continue is made anew by the method that is chosen ``otherwise``.
+    A run by a default method that cannot continue is repeated with the options ``chosen.otherwise``.
 
     Raises
     ------
@@ -76,8 +76,8 @@ def run(
     """
     check_end(t0, chosen)
 
-    def anew(way: Options, keeping: CheckpointOptions | None) -> Result:
-        return run(evaluator, t0, y, redundant, way, progress, typed, keeping, tangent, t_eval, given)
+    def repeated(options: Options, keeping: CheckpointOptions | None) -> Result:
+        return run(evaluator, t0, y, redundant, options, progress, typed, keeping, tangent, t_eval, given)
 
     equations, y0 = equations_of(evaluator, y, redundant, chosen, typed, tangent)
     events = evaluator.description.events
@@ -100,11 +100,11 @@ def run(
             checkpoints = RunCheckpoints(stepper, mark, keeping)
         except ResultError:  # it may be of the other method
             if chosen.otherwise:
-                return anew(chosen.otherwise, keeping)
+                return repeated(chosen.otherwise, keeping)
             raise
     status, wall = drive(stepper, t0, chosen, progress, checkpoints)
     if chosen.otherwise and status not in (_core.DONE, _core.ENDED, OUT_OF_TIME, _core.DRIFTED):
-        return anew(chosen.otherwise, keeping and replace(keeping, resume=None))
+        return repeated(chosen.otherwise, keeping and replace(keeping, resume=None))
     if evaluator.description.switches or evaluator.description.windings:
         # Samples are evaluated with the loads' own branches.
         equations.set_parameters(evaluator.parameter_values)

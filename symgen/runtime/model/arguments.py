@@ -73,7 +73,7 @@ class RunArguments(Checkpointed):
     def options(
         self, end: float, precision: Precision, rate: float | None = None, series: bool = False
     ) -> Options:
-        """Return the checked options of a run of a scene that ends at a time [s] and may have series."""
+        """Return the checked options of a run until a time [s]; ``series``: its kernels have series."""
         return options(
             end_of_scene(end) if self.t_end is None else self.t_end,
             self.method,

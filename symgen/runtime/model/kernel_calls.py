@@ -134,7 +134,8 @@ class KernelCalls:
         Parameters
         ----------
         method, rtol, atol, step, max_step
-            As for :meth:`simulate`. The last of fixed steps in a call is as long as the rest.
+            As for :meth:`simulate`, but ``dop853`` by default for every ``rtol``. The last of fixed steps in
+            a call is as long as the rest.
         state
             Initial state; by default that of the scene.
 
