@@ -41,7 +41,8 @@ def test_peaucellier_has_three_loops_and_one_degree_of_freedom():
     assert "loops: 3, closed by these links" in text
     assert text.count(", cut between ") == 3
     code = "".join(
-        p.read_text() for p in (Path(__file__).parents[2] / "generated").rglob("peaucellier_kernel*.c")
+        p.read_text().partition("enum { ROWS")[0]  # the kernel of power series consists of loops
+        for p in (Path(__file__).parents[2] / "generated").rglob("peaucellier_kernel*.c")
     )
     printed = re.findall(r"^    (?!const double inverse).*[\w\]] = (?!0\.0;).*;$", code, re.MULTILINE)
     assert f"code in C: {len(printed)} statements, straight-line" in text
