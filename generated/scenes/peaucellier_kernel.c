@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char peaucellier_equations[65] = "3cff4c1e9aa69f3183908f992cce027404859e2695b311c70cb41ab60195c08a";
+const char peaucellier_equations[65] = "95a0d9318314f0206318f8628a4088744fa0c2a9fc9760f03d21cae5372c9e48";
 
 /* One over a pivot, or zero where cancellation left nothing of it. */
 static double guarded_inverse(double pivot, double sound, double tolerance)

@@ -134,6 +134,22 @@ def test_an_event_within_a_step_ends_a_run_in_c(method, ends, tmp_path):
     assert states(said)[:2] == pytest.approx([t, 4 * t * (1 - t)], abs=1e-9)
 
 
+@needs("gcc")
+def test_recurrences_of_all_inverse_functions_compile_without_warnings(tmp_path):
+    """Of atan2 by a torsion spring; not every recurrence reads all of its arguments."""
+    scene = symgen.Scene(
+        parameters={"d": "2 m", "F": "1 N"},
+        points={"O": ground(0, 0), "A": at(1, 0)},
+        links={"bar": {"points": ["O", "A"], "mass": "1 kg"}},
+        torsion_springs=[{"link": "bar", "stiffness": "3 N*m"}],
+        forces=[{"point": "A", "force": ["F*log(2 + A.x/d)", "F*(atan(A.y/d) + asin(A.x/d) - tan(A.y/d))"]}],
+        analysis={"t_end": "1 s"},
+    )
+    export_c(scene, tmp_path / "scene", method="taylor")
+    said = run(compiled(tmp_path / "scene", "scene", "gcc", "check"), "--bits")
+    assert "all the same to the last bit" in said
+
+
 @pytest.mark.parametrize("name", ["screw_jack", "elastic_slider_crank"])
 def test_what_has_no_power_series_says_so(name, tmp_path):
     done = CliRunner().invoke(app, ["export", name, "--out", str(tmp_path / "out"), "--method", "taylor"])
