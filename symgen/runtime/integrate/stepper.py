@@ -162,8 +162,11 @@ class Stepper(ABC):
         """Names of the outputs of the scene."""
         return tuple(block.name for block in self._blocks)
 
-    def __getitem__(self, name: str) -> float | Array:
-        """Return an output of the scene at the present state, or a component such as ``C.position.x``."""
+    def __getitem__(self, name: str) -> Any:
+        """Return an output of the scene at the present state, or a component such as ``C.position.x``.
+
+        A number, or an array for an output with components.
+        """
         place = self._outputs.get(name) if isinstance(name, str) else None
         if place is None:
             check_known(str(name), self._outputs, f"{self._model.name} has no output")
