@@ -198,11 +198,14 @@ def halved(
         path = again(replace(chosen, max_step=float(np.max(np.diff(path.t))) / 2))
         before, states_before = derivatives, states
         derivatives, states = at_ends(path)
-        change, moved = _change(before, derivatives, 0.0), _change(states_before, states, least)
+        change, moved = (
+            _relative_change(before, derivatives, 0.0),
+            _relative_change(states_before, states, least),
+        )
     return path
 
 
-def _change(before: Array, after: Array, least: float) -> float:
+def _relative_change(before: Array, after: Array, least: float) -> float:
     """Return the largest relative change of vectors along the last axis; ``least`` adds to their norms."""
     norms = np.linalg.norm(after, axis=-1) + least
     return float(np.max(np.linalg.norm(after - before, axis=-1) / norms))
