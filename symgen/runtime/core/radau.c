@@ -45,7 +45,7 @@ struct radau {
     real *memo;                    /* values carried from step to step, see the enum */
 };
 
-enum memo { KNOWN, FRESH, STALE, ALONG, H_MATRIX, H, H_OLD, NORM_OLD, REJECTED, H_UNSOLVED, MEMO };
+enum memo { KNOWN, FRESH, STALE, ALONG, H_MATRIX, H, H_OLD, NORM_OLD, REJECTED, H_UNSOLVED, CUT, MEMO };
 
 /* The method in the core's numbers. */
 struct coefficients {
@@ -155,14 +155,15 @@ static real collocated(const struct coefficients *m, const real *z, long stride,
     return sum;
 }
 
-/* Write to z the collocation polynomial of the last step, extrapolated over this step, less y. */
+/* Write to z the collocation polynomial of the last step, extrapolated over this step, less y; zero where this is far. */
 static void predict(const struct run *run, const struct radau *x, const struct coefficients *m, real h) {
     long dim = run->dim;
     real h_old = x->memo[H_OLD];
+    const int is_near = h_old > 0 && h <= R(GROW) * h_old;
     for (int s = 0; s < STAGES; s++)
         for (long i = 0; i < dim; i++)
             x->z[s * dim + i] =
-                h_old > 0 ? run->y_old[i] - run->y[i] + collocated(m, x->z_old + i, dim, 1 + m->c[s] * h / h_old) : R(0);
+                is_near ? run->y_old[i] - run->y[i] + collocated(m, x->z_old + i, dim, 1 + m->c[s] * h / h_old) : R(0);
 }
 
 /* Evaluate and factor the matrices of a step's linear systems; return 0 on failure. */
@@ -309,6 +310,7 @@ static int step(struct run *run, real t, real h, real t_new) {
     struct radau x = memory_of(run);
     long dim = run->dim;
     (void)t_new;
+    x.memo[CUT] = h < run->state->h;
     set_scale(run, &x, h);
     for (int anew = 0;; anew = 1) {
         if (make_matrices(run, &x, &m, h, anew) && solve_stages(run, &x, &m, t, h))
@@ -372,7 +374,7 @@ static void accept(struct run *run) {
     x.memo[H_OLD] = h;
     if (!run->scheme.adaptive)
         return;
-    if (h_old > 0) {
+    if (h_old > 0 && !x.memo[CUT]) {
         real predicted = R(0.9) * h * h / h_old * real_pow(x.memo[NORM_OLD] / (norm * norm), R(0.25));
         s->h = real_fmin(s->h, real_fmax(predicted, R(0.2) * h));
     }

@@ -72,12 +72,12 @@ static inline void state_of_series(const struct series *s, wide h, wide *y, wide
     }
 }
 
-/* The step, of `longest` at most, whose last terms are within a tenth of the tolerance: those of two orders, since every
-   other one may vanish. Both may vanish, so that a step compares the accelerations at its end. Infinite where
-   coefficients are not finite. */
-static inline wide length_of_series(const struct series *s, const struct task *task, const wide *y, real longest) {
+/* The step whose last terms are within a tenth of the tolerance: those of two orders, since every other one may vanish.
+   Both may vanish: the length is infinite then, and a step compares the accelerations at its end. Zero where coefficients
+   are not finite. */
+static inline wide length_of_series(const struct series *s, const struct task *task, const wide *y) {
     const real atol = R(0.1) * R(task->atol), rtol = R(0.1) * R(task->rtol);
-    wide length = all(longest);
+    wide length = all(REAL_INFINITY);
     mask finite = ~(mask){0};
     for (long k = s->order - 1; k <= s->order; k++) {
         wide places = all(0), rates = all(0);
@@ -90,7 +90,7 @@ static inline wide length_of_series(const struct series *s, const struct task *t
         length = smaller(length, powered(rates, R(-1) / R(k - 1))); /* infinite where they vanish */
         length = smaller(length, powered(places, R(-1) / R(k)));
     }
-    return chosen(finite, length, all(REAL_INFINITY));
+    return chosen(finite, length, all(0));
 }
 
 /* Part of the difference of accelerations and power, of the series and at its end, that is the error of a step. */

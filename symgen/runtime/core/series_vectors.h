@@ -17,8 +17,8 @@ static void expand_lanes(struct lane_runs *l, long which, wide t, const wide *y)
     fail_unless_finite(l, l->series.f_new);
     if (!l->adaptive)
         return;
-    l->series.longest[which] = length_of_series(&s, &l->task, y, R(l->task.t_end) - R(l->task.t0));
-    l->failed |= ~is_finite(l->series.longest[which]);
+    l->series.longest[which] = length_of_series(&s, &l->task, y);
+    l->failed |= ~(l->series.longest[which] > 0);
 }
 
 static void begin_series_of_lanes(struct lane_runs *l, wide t) {

@@ -12,7 +12,7 @@
 struct taylor {
     long *present;    /* which of the two series is that at y */
     long *order;      /* of each series */
-    real *longest;    /* of each series: its step within the tolerance */
+    real *longest;    /* of each series: its step within the tolerance, may be infinite */
     real *rows;       /* of each series: coefficients, SERIES_ROWS rows as the kernel writes them */
     real *changes;    /* accelerations of the series, and the power behind them */
     real *at_end;     /* those of the end of the step: the projection looks inside the step */
@@ -113,9 +113,8 @@ static int expand(struct run *run, long which, real t, const real *y, real *dy) 
     rates_of_series(&s, y, dy);
     if (!run->scheme.adaptive)
         return DONE;
-    const real length = length_of_series(&s, &run->task, y, R(run->task.t_end) - R(run->task.t0));
-    x.longest[which] = real_isfinite(length) ? resolved(run, s.rows, order, length) : length;
-    return real_isfinite(x.longest[which]) ? DONE : NOT_FINITE;
+    x.longest[which] = length_of_series(&s, &run->task, y);
+    return x.longest[which] > 0 ? DONE : NOT_FINITE;
 }
 
 /* Write the state a time h after y; its accelerations and the power behind them to x.changes. */
@@ -173,7 +172,11 @@ static real within_references(const struct run *run, real length) {
    shorter steps. */
 static real longest(const struct run *run) {
     const struct sizes *s = &run->e->sizes;
-    const real length = taylor_of(run).longest[*taylor_of(run).present];
+    const struct taylor x = taylor_of(run);
+    const struct series present = series_of(run, *x.present);
+    /* a run that continues may end soon, and later be extended */
+    const real most = real_fmax(R(run->task.t_end) - R(run->task.t0), run->state->h);
+    const real length = resolved(run, present.rows, present.order, real_fmin(x.longest[*x.present], most));
     int probed = 0;
     for (long i = 0; i < s->events; i++)
         probed |= is_probed(run, i);
