@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sp
+from shared.loop_scenes import freed
 from shared.loops import body, planar_4r, real, slider_crank, variable
 
 import symgen
 from symgen.errors import SceneError
 from symgen.models.loop.system import loop_system
+from symgen.runtime import _core
 from symgen.scene.rods.run_parameters import Parameter
 from symgen.symbolic.quantity import quantity
 
@@ -172,3 +174,24 @@ def test_intermediates_give_way_to_names_of_the_scene():
     system = loop_system(replace(made, parameters=(*made.parameters, *more)))
     names = {d.quantity.name for d in system.definitions}
     assert {"sin_theta2_", "i_theta2_x_"} <= names and not names & set(taken)
+
+
+@pytest.mark.parametrize("name", ["bennett", "rssr"])
+def test_results_of_runs_are_computed_when_they_are_read(name, monkeypatch):
+    """The first run finds the start; the next takes its steps alone, and other runs do not change its results."""
+    model = symgen.build(symgen.Scene(**freed(name, 0.5, 3.0)))
+    first = model.simulate(0.2, samples=5)
+    expected = {v.name: v.values.copy() for v in first.variables}, first.final, first.notes
+    called = []
+    for of in ("evaluate", "call_many"):
+        kernel = getattr(_core, of)
+        monkeypatch.setattr(_core, of, lambda *x, kernel=kernel, of=of: called.append(of) or kernel(*x))
+    run = model.simulate(0.2, samples=5)
+    again = model.simulate(0.2, samples=5)
+    assert not called and run.final == expected[1] and again.drift == first.drift and not called
+    model.simulate(0.1, samples=3)
+    assert run.notes == expected[2]
+    assert bool(run.notes) == bool(run.statistics["undetermined"]) == (name == "bennett")
+    for v in run.variables:
+        np.testing.assert_array_equal(v.values, expected[0][v.name], v.name)
+    assert called.count("call_many") >= 1

@@ -8,24 +8,13 @@ import numpy as np
 import pytest
 from shared.crank_vectors import Crank, Jet
 from shared.full import full_unless
-from shared.loop_scenes import crank_scene, guess_of
+from shared.loop_scenes import crank_scene, freed, guess_of
 
 import symgen
 from symgen.errors import ModelError, SimulationError
 from symgen.scene.loading import shipped_scene
 
 RTOL = 1e-10
-
-
-def freed(name, at, rate, gravity=(0.0, 0.0, -9.81)):
-    """A shipped driven loop with a free crank."""
-    tables = tomllib.loads(shipped_scene(name))
-    del tables["loop"]["inputs"]
-    tables["loop"].pop("range", None)
-    tables["parameters"].pop("speed", None)
-    tables["loop"]["free"] = {"theta1": {"at": f"{at!r} rad", "rate": f"{rate!r} rad/s"}}
-    tables["gravity"] = {"acceleration": [f"{float(g)!r} m/s^2" for g in gravity]}
-    return tables | {"analysis": {"t_end": "1 s"}}
 
 
 def pumping(rng):

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from functools import lru_cache
 
 import numpy as np
 
 import symgen
+from symgen.scene.loading import shipped_scene
 
 RPM = {"rpm": "60 rpm"}
 
@@ -34,6 +36,17 @@ def driven(rows, start, low=0.0, high=360.0, **more):
         start=guess,
         **more,
     )
+
+
+def freed(name, at, rate, gravity=(0.0, 0.0, -9.81)):
+    """A shipped driven loop with a free crank."""
+    tables = tomllib.loads(shipped_scene(name))
+    del tables["loop"]["inputs"]
+    tables["loop"].pop("range", None)
+    tables["parameters"].pop("speed", None)
+    tables["loop"]["free"] = {"theta1": {"at": f"{at!r} rad", "rate": f"{rate!r} rad/s"}}
+    tables["gravity"] = {"acceleration": [f"{float(g)!r} m/s^2" for g in gravity]}
+    return tables | {"analysis": {"t_end": "1 s"}}
 
 
 def m(x):

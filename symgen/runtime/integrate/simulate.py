@@ -108,7 +108,7 @@ def run(
     if evaluator.description.switches or evaluator.description.windings:
         # Samples are evaluated with the loads' own branches.
         equations.set_parameters(evaluator.parameter_values)
-    result = Result._later(Recording(evaluator, equations, stepper, redundant, chosen, wall, library, given))
+    result = Result._later(Recording(evaluator, equations, stepper, chosen, wall, library, redundant, given))
     if status in (_core.DONE, _core.ENDED):
         return result
     raise SimulationError(

@@ -22,7 +22,7 @@ from symgen.runtime.kernels.arguments import real, reals
 from symgen.runtime.kernels.description import LoopDescription
 from symgen.runtime.loop.driven import STAGES, driven, follow, follow_through, followed, moving_at, not_driven
 from symgen.runtime.loop.kernels import LoopKernels
-from symgen.runtime.loop.motion import LoopStepper, rates_at_start, run
+from symgen.runtime.loop.motion import LoopStart, LoopStepper, rates_at_start, run, start_at
 from symgen.runtime.model.arguments import Derivatives, PosesArguments, RunArguments, Stepping, takes
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.model.model import Model
@@ -56,6 +56,7 @@ class LoopModel(Model):
     }
 
     _start: Closed | None = None
+    _motion: LoopStart | None = None
 
     @cached_property
     def kernels(self) -> LoopKernels:
@@ -358,18 +359,21 @@ class LoopModel(Model):
             raise ModelError("baumgarte is for linkages of points and links: loops take projection, or raw")
         keeping = request.keeping()
         with limited(request.max_wall):
-            begin, rates = self._begun(request.state)
-            return run(self.kernels, begin, rates, chosen, request.progress, keeping, request.t_eval)
+            start = self._begun(request.state)
+            return run(self.kernels, start, chosen, request.progress, keeping, request.t_eval)
 
-    def _begun(self, state: State | None) -> tuple[Closed, Array]:
-        """Return the closed pose in which a motion starts, and rates; of these, free variables count."""
+    def _begun(self, state: State | None) -> LoopStart:
+        """Return the start of a motion; that of the scene is found once."""
         from symgen.runtime.loop.derivatives.tangents import check_closed
 
         begin = self.closed_start()
-        if state is None:
-            return begin, np.array([v.start_rate for v in self.description.variables])
-        check_closed(self.kernels, state)
-        return Closed(state.t, state.q.copy(), begin.rank), state.u
+        if state is not None:
+            check_closed(self.kernels, state)
+            return start_at(self.kernels, Closed(state.t, state.q.copy(), begin.rank), state.u)
+        if self._motion is None:
+            rates = np.array([v.start_rate for v in self.description.variables])
+            self._motion = start_at(self.kernels, begin, rates)
+        return self._motion
 
     @takes(Stepping)
     def _stepper(self, request: Stepping) -> LoopStepper:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ from symgen.errors import SimulationError
 from symgen.runtime import _core, _loop
 from symgen.runtime.arrays import Array
 from symgen.runtime.closure.mobility import scaled_screws
-from symgen.runtime.closure.redundancy import note, ranges_of
 from symgen.runtime.closure.start import Closed
 from symgen.runtime.integrate.checkpoint import CheckpointOptions, RunCheckpoints, mark_of
 from symgen.runtime.integrate.failures import of_sliding, unfinished, with_cause
@@ -21,40 +19,50 @@ from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.pace import OUT_OF_TIME, Progress, out_of_time
 from symgen.runtime.integrate.simulate import check_end, drive, sample_times, stepper_of
 from symgen.runtime.integrate.stepper import Stepper
-from symgen.runtime.kernels.typed import build_settings, library_of_runs
+from symgen.runtime.kernels.typed import library_of_runs
 from symgen.runtime.loop.ball_poles import ball_pole, in_other_angles
 from symgen.runtime.loop.kernels import LoopKernels, in_words
-from symgen.runtime.loop.near_singular import CLOSED, REPORTED
-from symgen.runtime.loop.samples import LoopSamples
-from symgen.runtime.result.recording import (
-    counts_of,
-    drift_of,
-    losses_of_rank,
-    of_switches,
-    options_of,
-)
-from symgen.runtime.result.records import LocatedEvent, of_model, over_time
+from symgen.runtime.loop.samples import AXES, LoopRecording, samples_of
+from symgen.runtime.result.records import LocatedEvent
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State
-from symgen.runtime.result.turn import variables
 
-_AXES = ("x", "y", "z")
-#: Times named in a note.
-_SHOWN = 6
+
+@dataclass(frozen=True, slots=True)
+class LoopStart:
+    """Start of a motion: a closed pose, and rates of all variables; at a pole of ball angles those given."""
+
+    pose: Closed
+    rates: Array
+    at_pole: bool
+
+
+def start_at(kernels: LoopKernels, pose: Closed, rates: Array) -> LoopStart:
+    """Return the start of a motion at a closed pose; of the ``rates`` those of free variables matter."""
+    at_pole = bool(ball_pole(kernels, pose.t, pose.q))
+    return LoopStart(pose, rates if at_pole else rates_at(kernels, pose, rates), at_pole)
+
+
+def begun(kernels: LoopKernels, start: LoopStart) -> tuple[_loop.LoopEquations, Array]:
+    """Return the equations of a motion and its state (q, u, work) at the start, in their present angles."""
+    d, pose, rates = kernels.description, start.pose, start.rates
+    equations = kernels.stepping([*d.having("dependent"), *d.having("free")], pose.rank)
+    if start.at_pole:
+        in_use, q = in_other_angles(kernels, equations, pose.q)
+        pose = replace(pose, q=q)
+        rates = rates_at(in_use, pose, rates)
+    return equations, np.concatenate([pose.q, rates, [0.0]])
 
 
 def run(
     kernels: LoopKernels,
-    begin: Closed,
-    rates: Array,
+    start: LoopStart,
     chosen: Options,
     progress: Progress | None,
     keeping: CheckpointOptions | None = None,
     t_eval: ArrayLike | None = None,
 ) -> Result:
-    """Integrate from a closed pose and return the result, at times ``t_eval`` where these are given.
-
-    Of the ``rates`` those of free variables matter: the others follow.
+    """Integrate from a start and return the result, at times ``t_eval`` where these are given.
 
     Raises
     ------
@@ -63,23 +71,19 @@ def run(
     ResultError
         When a checkpoint cannot be written, or is of another run.
     """
-    check_end(begin.t, chosen)
-    d = kernels.description
-    equations = kernels.stepping([*d.having("dependent"), *d.having("free")], begin.rank)
-    kernels_in_use, q = kernels, begin.q
-    if ball_pole(kernels, begin.t, begin.q):
-        kernels_in_use, q = in_other_angles(kernels, equations, begin.q)
-    y0 = np.concatenate([q, rates_at(kernels_in_use, replace(begin, q=q), rates), [0.0]])
-    times = sample_times(begin.t, chosen, t_eval)
-    stepper = stepper_of(equations, chosen, begin.t, y0, times)
+    t0 = start.pose.t
+    check_end(t0, chosen)
+    equations, y0 = begun(kernels, start)
+    times = sample_times(t0, chosen, t_eval)
+    stepper = stepper_of(equations, chosen, t0, y0, times)
+    library = library_of_runs(kernels.library, kernels.typed)
     checkpoints = None
     if keeping is not None:
-        library = library_of_runs(kernels.library, kernels.typed)
         more = () if t_eval is None else (times.tolist(),)
-        mark = mark_of(kernels, library, equations, chosen, begin.t, y0, *more)
+        mark = mark_of(kernels, library, equations, chosen, t0, y0, *more)
         checkpoints = RunCheckpoints(stepper, mark, keeping)
-    status, wall = drive(stepper, begin.t, chosen, progress, checkpoints)
-    result = _recorded(kernels, equations, stepper, chosen, wall)
+    status, wall = drive(stepper, t0, chosen, progress, checkpoints)
+    result = Result._later(LoopRecording(kernels, equations, stepper, chosen, wall, library))
     if status == _core.DONE:
         return result
     cause = problem(kernels, stepper, chosen, status)
@@ -104,84 +108,13 @@ def rates_at(kernels: LoopKernels, begin: Closed, prescribed: Array) -> Array:
     return u
 
 
-def _recorded(
-    kernels: LoopKernels,
-    equations: _loop.LoopEquations,
-    stepper: _core.Run,
-    chosen: Options,
-    wall: float,
-) -> Result:
-    d = kernels.description
-    n, times = d.coordinates, stepper.sampled
-    rows = np.column_stack([stepper.result, np.zeros(len(times))])
-    samples = LoopSamples(kernels, equations.rank, times, rows, stepper.references, stepper.turns)
-    recorded = tuple(variables(d, samples.outputs()))
-    q, u = np.split(stepper.state[: 2 * n], 2)
-    if len(times) and times[-1] == stepper.t:  # in the angles of the record, which passages of poles change
-        last = {x.name: float(x.values[-1]) for x in recorded if not x.components}
-        q = np.array([last.get(v.name, x) for v, x in zip(d.variables, q, strict=True)])
-        u = np.array([last.get(f"{v.name}.rate", x) for v, x in zip(d.variables, u, strict=True)])
-    ranges = ranges_of(recorded, samples.undetermined())
-    parameters = dict(zip((p.name for p in d.parameters), kernels.parameter_values.tolist(), strict=True))
-    return Result(
-        **of_model(
-            d,
-            parameters,
-            **options_of(chosen),
-            **build_settings(kernels.library, kernels.typed),
-        ),
-        axes=_AXES,
-        coordinate=over_time(times),
-        variables=recorded,
-        drift=drift_of(stepper),
-        final={
-            v.name: {"value": x, "rate": s, "unit": v.unit}
-            for v, x, s in zip(d.variables, q.tolist(), u.tolist(), strict=True)
-        },
-        statistics={
-            **counts_of(stepper, equations),
-            "undetermined": ranges,
-            "wall_s": wall,
-        },
-        notes=(
-            *_of_passages(stepper, samples),
-            *samples.notes(),
-            *note(kernels, ranges, len(times)),
-            *of_switches(d.switches, stepper.switchings),
-        ),
-    )
-
-
-def _of_passages(stepper: _core.Run, samples: LoopSamples) -> Iterator[str]:
-    """Say where the run passed change points, and which samples are so near that forces lose digits."""
-    if not stepper.passages:
-        return
-    d = samples.kernels.description
-    yield losses_of_rank(stepper, "screws", (d.variables[k].name for _, _, k in stepper.passages)) + (
-        f"continued smoothly; rounding errors are magnified there (energy drift {stepper.energy_drift:.1e} J)"
-    )
-    solved = [*d.having("dependent"), *d.having("free")]
-    sound = np.ones(len(samples.times))
-    for part in samples.parts:
-        for i, t, row in zip(part.rows, part.times, part.states, strict=True):
-            values = np.linalg.svd(scaled_screws(part.kernels, t, row[: d.coordinates])[:, solved])[1]
-            sound[i] = values[d.rank - 1] / values[0]
-    errors = CLOSED / np.maximum(sound, 1e-100) ** 3
-    if np.max(errors, initial=0.0) > REPORTED:
-        near = ", ".join(f"{t:.9g}" for t in stepper.sampled[errors > REPORTED][:_SHOWN])
-        yield (
-            f"at the samples t = {near} s near such a loss of rank rounding limits accelerations and forces: "
-            f"relative error up to {min(1.0, float(np.max(errors))):.0e}"
-        )
-
-
 def _component(entry: int, size: float) -> str:
     """Return in words an entry of the closure (3 x 4, row by row)."""
     row, column = divmod(entry, 4)
     if column == 3:
-        return f"displacement along {_AXES[row]} of frame 1"
+        return f"displacement along {AXES[row]} of frame 1"
     # a small rotation is seen in the entries off the diagonal, that about an axis in those of the other two
-    about = "" if row == column else f" about {_AXES[3 - row - column]} of frame 1"
+    about = "" if row == column else f" about {AXES[3 - row - column]} of frame 1"
     return f"rotation{about}, times {size:.4g} m"
 
 
@@ -248,14 +181,9 @@ class LoopStepper(Stepper):
         return inputs
 
     def _new(self, state: State | None) -> tuple[Any, Any, float, Array, dict[str, Any]]:
-        model, d = self._model, self._model.description
-        kernels, (begin, rates) = model.kernels, model._begun(state)
-        equations = kernels.equations([*d.having("dependent"), *d.having("free")], begin.rank)
-        in_use, q = kernels, begin.q
-        if ball_pole(kernels, begin.t, begin.q):
-            in_use, q = in_other_angles(kernels, equations, begin.q)
-        y = np.concatenate([q, rates_at(in_use, replace(begin, q=q), rates), [0.0]])
-        return equations, None, begin.t, y, {}
+        start = self._model._begun(state)
+        equations, y = begun(self._model.kernels, start)
+        return equations, None, start.pose.t, y, {}
 
     @property
     def state(self) -> State:
@@ -278,9 +206,7 @@ class LoopStepper(Stepper):
 
     def _evaluated(self) -> Array:
         self._run.present()
-        rows = np.append(self._run.result, [[0.0]], axis=1)
-        of_run = self._run.sampled, rows, self._run.references, self._run.turns
-        row: Array = LoopSamples(self._kernels, self._equations.rank, *of_run).outputs()[0]
+        row: Array = samples_of(self._kernels, self._equations.rank, self._run).outputs()[0]
         return row
 
     def _cause(self, status: int) -> str:

@@ -1,19 +1,28 @@
-"""Samples of a run, some of them in other angles of ball joints: their outputs in the table's own."""
+"""Results of a run, with samples in other angles of ball joints: their outputs in the table's own."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from symgen.runtime import _core, _loop
 from symgen.runtime.arrays import Array, Indices
-from symgen.runtime.closure.redundancy import Mask, undetermined
+from symgen.runtime.closure.mobility import scaled_screws
+from symgen.runtime.closure.redundancy import Mask, note, ranges_of, undetermined
 from symgen.runtime.loop.frames import product, transforms
 from symgen.runtime.loop.kernels import LoopKernels
-from symgen.runtime.result.recording import grouped
+from symgen.runtime.loop.near_singular import CLOSED, REPORTED
+from symgen.runtime.result.recording import RunRecording, grouped, losses_of_rank, of_switches
+from symgen.runtime.result.records import Variable
+from symgen.runtime.result.turn import variables
+
+#: Names of the axes of vectors.
+AXES = ("x", "y", "z")
 
 #: Sine of the angle from a pole below which rates of the table's own angles have no digits.
 _AT_POLE = 1e-6
@@ -185,3 +194,91 @@ def _screw_rates(screws: Array, u: Array) -> Array:
     (w, v), (a, b) = np.split(np.cumsum(moved, axis=2) - moved, 2, axis=1), np.split(screws, 2, axis=1)
     parts = np.cross(w, a, axis=1), np.cross(v, a, axis=1) + np.cross(w, b, axis=1)
     return np.concatenate(parts, axis=1)
+
+
+@dataclass
+class LoopRecording(RunRecording):
+    """A run of a loop under forces."""
+
+    kernels: LoopKernels
+    equations: _loop.LoopEquations
+
+    @cached_property
+    def _samples(self) -> LoopSamples:
+        return samples_of(self.kernels, self.equations.rank, self.stepper)
+
+    @cached_property
+    def _variables(self) -> tuple[Variable, ...]:
+        return tuple(variables(self.kernels.description, self._samples.outputs()))
+
+    @cached_property
+    def _undetermined(self) -> dict[str, list[list[int]]]:
+        return ranges_of(self._variables, masks) if (masks := self._samples.undetermined()) else {}
+
+    def axes(self) -> tuple[str, ...]:
+        """Return the names of the axes."""
+        return AXES
+
+    def variables(self) -> tuple[Variable, ...]:
+        """Return the scene's outputs at the recorded times."""
+        return self._variables
+
+    def final(self) -> dict[str, dict[str, Any]]:
+        """Return value and rate of all variables at the end, in the angles of the record."""
+        d, run = self.kernels.description, self.stepper
+        state, last = run.state.tolist(), dict[str, float]()
+        in_other_angles = run.recorded and run.sampled[-1] == run.t and np.any(run.references[-1])
+        if in_other_angles:
+            last = {x.name: float(x.values[-1]) for x in self._variables if not x.components}
+        rows = zip(d.variables, state, state[d.coordinates :], strict=False)
+        return {
+            v.name: {
+                "value": last.get(v.name, q),
+                "rate": last.get(f"{v.name}.rate", u),
+                "unit": v.unit,
+            }
+            for v, q, u in rows
+        }
+
+    def statistics(self) -> dict[str, Any]:
+        """Return counts, components of forces that are undetermined, the last time and the wall time [s]."""
+        return {**super().statistics(), "undetermined": self._undetermined}
+
+    def notes(self) -> tuple[str, ...]:
+        """Return the notes on the run: losses of rank, poles of angles, redundant closure, jumps of loads."""
+        d, samples = self.kernels.description, self._samples
+        return (
+            *_of_passages(self.stepper, samples),
+            *samples.notes(),
+            *note(self.kernels, self._undetermined, len(samples.times)),
+            *of_switches(d.switches, self.stepper.switchings),
+        )
+
+
+def samples_of(kernels: LoopKernels, rank: int, run: _core.Run) -> LoopSamples:
+    """Return the recorded samples of a run."""
+    rows = np.append(run.result, np.zeros((len(run.sampled), 1)), axis=1)
+    return LoopSamples(kernels, rank, run.sampled, rows, run.references, run.turns)
+
+
+def _of_passages(stepper: _core.Run, samples: LoopSamples) -> Iterator[str]:
+    """Say where the run passed change points, and which samples are so near that forces lose digits."""
+    if not stepper.passages:
+        return
+    d = samples.kernels.description
+    yield losses_of_rank(stepper, "screws", (d.variables[k].name for _, _, k in stepper.passages)) + (
+        f"continued smoothly; rounding errors are magnified there (energy drift {stepper.energy_drift:.1e} J)"
+    )
+    solved = [*d.having("dependent"), *d.having("free")]
+    sound = np.ones(len(samples.times))
+    for part in samples.parts:
+        for i, t, row in zip(part.rows, part.times, part.states, strict=True):
+            values = np.linalg.svd(scaled_screws(part.kernels, t, row[: d.coordinates])[:, solved])[1]
+            sound[i] = values[d.rank - 1] / values[0]
+    errors = CLOSED / np.maximum(sound, 1e-100) ** 3
+    if np.max(errors, initial=0.0) > REPORTED:
+        near = ", ".join(f"{t:.9g}" for t in stepper.sampled[errors > REPORTED][:_SHOWN])
+        yield (
+            f"at the samples t = {near} s near such a loss of rank rounding limits accelerations and forces: "
+            f"relative error up to {min(1.0, float(np.max(errors))):.0e}"
+        )

@@ -13,7 +13,7 @@ from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.redundancy import CLOSED, SelfStress, extent, not_unique, slack, violation
 from symgen.runtime.kernels.description import Description, KernelInfo
-from symgen.runtime.kernels.evaluate import Evaluator, part
+from symgen.runtime.kernels.evaluate import Evaluator, Kernels, part
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.result.records import Coordinate, Drift, LocatedEvent, Variable, converters, over_time
 from symgen.runtime.result.state import State
@@ -25,33 +25,26 @@ _LONGEST = 80
 
 
 @dataclass(slots=True)
-class Recording:
+class RunRecording:
     """A run that has ended, complete or not; its methods return the fields of its :class:`Result`.
 
-    ``library`` has the kernels of the run, ``wall`` is its wall time [s], ``initial`` the initial time and
-    state if the caller gave them.
+    ``library`` has the kernels of the run, ``wall`` is its wall time [s].
     """
 
-    evaluator: Evaluator
-    equations: _core.KernelEquations
+    kernels: Kernels
+    equations: Any
     stepper: _core.Run
-    redundant: tuple[int, ...]
     chosen: Options
     wall: float
     library: Library
-    initial: State | None
 
     def name(self) -> str:
         """Return the scene's name."""
-        return self.evaluator.description.name
+        return self.kernels.description.name
 
     def title(self) -> str:
         """Return the scene's title."""
-        return self.evaluator.description.title
-
-    def axes(self) -> tuple[str, ...]:
-        """Return the names of the axes."""
-        return self.evaluator.description.shown_axes
+        return self.kernels.description.title
 
     def coordinate(self) -> Coordinate:
         """Return the recorded times."""
@@ -62,11 +55,48 @@ class Recording:
 
     def units(self) -> dict[str, tuple[str, float]]:
         """Return the units of tables and plots."""
-        return converters(self.evaluator.description.units)
+        return converters(self.kernels.description.units)
+
+    def drift(self) -> Drift:
+        """Return the drift of the run."""
+        return drift_of(self.stepper)
+
+    def statistics(self) -> dict[str, Any]:
+        """Return counts, the last time and the wall time [s]."""
+        return {**counts_of(self.stepper, self.equations), "wall_s": self.wall}
+
+    def provenance(self) -> dict[str, Any]:
+        """Return equations, method, options, build and parameters of the run."""
+        d = self.kernels.description
+        parameters = zip(d.tunable, self.kernels.parameter_values.tolist(), strict=False)
+        return {
+            "equations": d.equations,
+            **options_of(self.chosen),
+            "backend": self.library.backend,
+            **self.library.provenance,
+            "parameters": {p.name: value for p, value in parameters},
+        }
+
+    def events(self) -> tuple[LocatedEvent, ...]:
+        """Return the located events of the scene."""
+        return ()
+
+
+@dataclass(slots=True)
+class Recording(RunRecording):
+    """A run of a linkage; ``initial`` is the initial state if the caller gave it."""
+
+    kernels: Evaluator
+    redundant: tuple[int, ...]
+    initial: State | None
+
+    def axes(self) -> tuple[str, ...]:
+        """Return the names of the axes."""
+        return self.kernels.description.shown_axes
 
     def variables(self) -> tuple[Variable, ...]:
         """Return the scene's outputs at those times."""
-        run, evaluator, lost = self.stepper, self.evaluator, len(self.redundant)
+        run, evaluator, lost = self.stepper, self.kernels, len(self.redundant)
         info = evaluator.find("outputs")
         if info is None or not run.recorded:
             return ()
@@ -84,48 +114,28 @@ class Recording:
         return self._continued(outputs_by_group(evaluator, solver, groups, run.sampled, run.result, lost))
 
     def _continued(self, variables: tuple[Variable, ...]) -> tuple[Variable, ...]:
-        links = self.evaluator.description.turns
+        links = self.kernels.description.turns
         return continued(variables, links, self.stepper.turns) if links else variables
-
-    def drift(self) -> Drift:
-        """Return the drift of the run."""
-        return drift_of(self.stepper)
 
     def final(self) -> dict[str, dict[str, list[float]]]:
         """Return the motion of all points at the end."""
-        return motion(self.evaluator, self.stepper.t, self.stepper.state)
-
-    def statistics(self) -> dict[str, float]:
-        """Return counts, the last time and the wall time [s]."""
-        return {**counts_of(self.stepper, self.equations), "wall_s": self.wall}
-
-    def provenance(self) -> dict[str, Any]:
-        """Return equations, method, options, build and parameters of the run."""
-        d = self.evaluator.description
-        parameters = zip(d.tunable, self.evaluator.parameter_values.tolist(), strict=False)
-        return {
-            "equations": d.equations,
-            **options_of(self.chosen),
-            "backend": self.library.backend,
-            **self.library.provenance,
-            "parameters": {p.name: value for p, value in parameters},
-        }
+        return motion(self.kernels, self.stepper.t, self.stepper.state)
 
     def notes(self) -> tuple[str, ...]:
         """Return the notes on the run: redundancy, losses of rank, stiffness, events."""
         return (
-            *self.evaluator.description.remarks,
-            *_of_the_start(self.evaluator, self.initial, self.chosen.t_end, self.redundant),
-            *_of_redundancy(self.evaluator, self.stepper, self.redundant),
-            *_of_passages(self.evaluator, self.stepper),
+            *self.kernels.description.remarks,
+            *_of_the_start(self.kernels, self.initial, self.chosen.t_end, self.redundant),
+            *_of_redundancy(self.kernels, self.stepper, self.redundant),
+            *_of_passages(self.kernels, self.stepper),
             *_of_stiffness(self.stepper, self.chosen),
-            *of_switches(self.evaluator.description.switches, self.stepper.switchings),
-            *notes_on_events(self.evaluator, self.stepper),
+            *of_switches(self.kernels.description.switches, self.stepper.switchings),
+            *notes_on_events(self.kernels, self.stepper),
         )
 
     def events(self) -> tuple[LocatedEvent, ...]:
         """Return the located events of the scene."""
-        return located(self.evaluator, self.stepper)
+        return located(self.kernels, self.stepper)
 
 
 def located(evaluator: Evaluator, stepper: _core.Run) -> tuple[LocatedEvent, ...]:

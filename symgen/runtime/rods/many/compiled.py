@@ -112,7 +112,7 @@ def compiled_runs(
     source = getattr(first, "__dict__", {}).get("_source")
     if not isinstance(source, Recording) or arguments.get("max_wall") is not None:
         return None
-    evaluator, chosen, d = source.evaluator, source.chosen, source.evaluator.description
+    evaluator, chosen, d = source.kernels, source.chosen, source.kernels.description
     if arguments.get("method") is None and SERIES in source.library.addresses:
         chosen = by_series(chosen)  # the first run may have ended by the method that is chosen otherwise
     in_c = source.equations.core_type is _core.DOUBLE and source.library.backend in ("c", "shipped")
