@@ -379,10 +379,12 @@ class LoopModel(Model):
     def _stepper(self, request: Stepping) -> LoopStepper:
         return LoopStepper(self, _of_loops(request.options()), request.state)
 
-    def _compiled_runs(self, runs: Runs, first: Any) -> DrivenLoops | None:
+    def _compiled_runs(self, runs: Runs, first: Any) -> DrivenLoops | str:
         from symgen.runtime.loop.many.driven import driven_loops
 
-        return driven_loops(self, first, runs.columns) if first.KIND == Turn.KIND else None
+        if first.KIND == Turn.KIND:
+            return driven_loops(self, first, runs.columns) or ""
+        return "loops of joints under forces have none" if runs.analysis == "simulate" else ""
 
 
 def _of_loops(chosen: Options) -> Options:

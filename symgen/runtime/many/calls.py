@@ -57,12 +57,8 @@ class Many:
             from symgen.runtime.many.runs import Runs, carried_out, variants
 
             runs = Runs(model, analysis, *variants(model, parameters or {}, states), arguments)
-            return dataset_of(
-                model.description,
-                analysis,
-                runs.columns,
-                carried_out(runs, Keep(outputs, reduce), threads, progress),
-            )
+            found = carried_out(runs, Keep(outputs, reduce), threads, progress)
+            return dataset_of(model.description, analysis, runs.columns, *found)
 
         call.__name__ = f"{analysis}_many"
         call.__qualname__ = f"Model.{analysis}_many"
@@ -111,7 +107,8 @@ class ManyRuns:
         events may end, is the reason, and empty where the run covered its range. Outputs of a failed run are
         nan, as are samples that a run did not reach. If runs differ in the values of their coordinate, the
         dimension is ``sample``, and the coordinate has a row per run. Every run has the bits of a single
-        analysis of ``model.with_parameters(...)``.
+        analysis of ``model.with_parameters(...)``. The attribute ``notes`` is the reason for which runs of
+        ``simulate`` are not in SIMD lanes, and absent where they are.
 
     Raises
     ------
@@ -129,9 +126,9 @@ class ManyRuns:
     periodic_many = Many("periodic")
     quasi_static_many = Many("quasi_static")
 
-    def _compiled_runs(self, runs: Runs, first: Any) -> CompiledRuns | None:
-        """Return runs with the options of a first one; None where each is to be carried out singly."""
-        return None
+    def _compiled_runs(self, runs: Runs, first: Any) -> CompiledRuns | str:
+        """Return runs with the options of a first one, or a reason, maybe '', to carry out each singly."""
+        return ""
 
     def _driven_runs(self, runs: Runs) -> CompiledRuns | None:
         """Return runs of kinematics, or of inverse dynamics; None where each is to be carried out singly."""

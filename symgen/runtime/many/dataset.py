@@ -122,6 +122,10 @@ class CompiledRuns(Protocol):
     def grain(self) -> int:
         """Number of runs that fill all lanes."""
 
+    @property
+    def reason(self) -> str:
+        """Why runs are not in SIMD lanes; '' where they are."""
+
     def most(self, keep: Keep) -> int:
         """Return the number of runs of one call."""
 
@@ -172,14 +176,22 @@ def _reduced(reduce: Callable[..., Any], variable: Variable) -> Array:
 
 
 def dataset_of(
-    description: Described, analysis: str, columns: Mapping[str, Array], records: Sequence[KeptSamples]
+    description: Described,
+    analysis: str,
+    columns: Mapping[str, Array],
+    records: Sequence[KeptSamples],
+    reason: str = "",
 ) -> xarray.Dataset:
-    """Return all runs in one dataset, with nan where a run has no value; ``columns`` are their parameters."""
+    """Return all runs in one dataset, with nan where a run has no value; ``columns`` are their parameters.
+
+    ``reason`` is that for which runs are not in SIMD lanes.
+    """
     import xarray
 
     data, coordinates = arrays_of(description, columns, records)
     title = f"{description.title}: {len(records)} runs of {analysis}"
-    return xarray.Dataset(data, coords=coordinates, attrs={"title": title})
+    notes = {"notes": f"runs are not in SIMD lanes: {reason}"} if reason else {}
+    return xarray.Dataset(data, coords=coordinates, attrs={"title": title, **notes})
 
 
 def arrays_of(

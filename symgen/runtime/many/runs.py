@@ -177,8 +177,10 @@ def carried_out(
     *,
     some: bool = True,
     accepted: bool = False,
-) -> list[KeptSamples]:
+) -> tuple[list[KeptSamples], str]:
     """Return the samples of all runs; where ``some`` must succeed and none does, raise the first error.
+
+    Also return why runs are not in SIMD lanes, '' where they are or no runs of this kind could be.
 
     The runs up to the first that succeeds are carried out one after the other: it may compile kernels for all
     others, and wrong arguments are refused there. Those of driven linkages need it only for arguments that
@@ -203,10 +205,11 @@ def carried_out(
     if failed and result is None:
         if some:
             raise failed
-        return results
+        return results, ""
     finished_runs, count, workers = len(results), len(runs), threads or _processors()
     results += [KeptSamples()] * (count - finished_runs)
-    compiled = driven or runs.model._compiled_runs(runs, result)
+    found = driven or runs.model._compiled_runs(runs, result)
+    compiled, reason = (None, found) if isinstance(found, str) else (found, found.reason)
     ended = Event()
     refused = runs.refused()
 
@@ -236,7 +239,7 @@ def carried_out(
         finished_runs += finished
         if progress:
             progress(finished_runs / count)
-    return results
+    return results, reason
 
 
 def _in_threads(

@@ -120,7 +120,7 @@ class Sweep:
         for row in tried:
             columns = {name: row[i : i + 1] for i, name in enumerate(names)}
             try:
-                result = carried_out(self._runs(columns), self.keep, 1, None)
+                result, _ = carried_out(self._runs(columns), self.keep, 1, None)
             except FAILURES as error:
                 failure = failure or error
                 continue
@@ -146,7 +146,7 @@ class Sweep:
         """Return the results of runs with values of the parameters, (runs, parameters)."""
         columns = {name: rows[:, i] for i, name in enumerate(self.design.names)}
         runs = self._runs(columns)  # the layout has accepted the arguments
-        results = carried_out(runs, self.keep, self.threads, progress, some=False, accepted=True)
+        results, _ = carried_out(runs, self.keep, self.threads, progress, some=False, accepted=True)
         if all(k.error for k in results):
             return layout.filled(columns, [k.error for k in results])
         data, coordinates = arrays_of(self.model.description, columns, results)
@@ -155,8 +155,8 @@ class Sweep:
     def dataset(self) -> xarray.Dataset:
         """Return the results of all runs, of which one succeeds at least, with equal lengths of histories."""
         columns = dict(zip(self.design.names, self.design.values(0, self.design.count).T, strict=True))
-        results = carried_out(self._runs(columns), self.keep, self.threads, None)
-        return dataset_of(self.model.description, self.analysis, columns, results)
+        found = carried_out(self._runs(columns), self.keep, self.threads, None)
+        return dataset_of(self.model.description, self.analysis, columns, *found)
 
     def chunk(self, layout: SweepLayout) -> int:
         """Return the number of runs of a chunk."""

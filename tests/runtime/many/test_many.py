@@ -119,23 +119,24 @@ def test_regular_runs_stay_in_compiled_code(model):
     assert all(k is not None for k in kept) and compiled.grain == 1
     first = model.with_parameters(b=0.34).simulate(samples=5, step=1e-3)
     assert compiled_runs(model, first, columns, None, {"samples": 5, "step": 1e-3}).grain in (2, 4, 8)
-    assert compiled_runs(model, first, columns, None, {"samples": 5, "max_wall": 1.0}) is None
+    assert compiled_runs(model, first, columns, None, {"samples": 5, "max_wall": 1.0}) == "max_wall is given"
 
 
 def test_long_runs_and_large_linkages_are_carried_out_singly(model, monkeypatch):
     """Fixed steps in lanes end with the run alone; large linkages have sparse starts, of other bits."""
     columns, given = {"b": np.linspace(0.34, 0.36, 4)}, {"samples": 5, "step": 1e-3, "t_end": 0.11}
     first = model.with_parameters(b=0.34).simulate(**given)
-    assert compiled_runs(model, first, columns, None, given) is not None
+    assert compiled_runs(model, first, columns, None, given).grain
     with monkeypatch.context() as shorter:
         shorter.setattr(compiled, "MOST_STEPS", 100)
-        assert compiled_runs(model, first, columns, None, given) is None
+        assert compiled_runs(model, first, columns, None, given) == "a run has more than 100 steps"
     for module in (start, compiled, driven):
         monkeypatch.setattr(module, "LARGE", 0)
     for analysis in ("simulate", "kinematics"):
         options = {"samples": 5, "t_end": 0.1} if analysis == "simulate" else {"samples": 5}
         runs = [getattr(model.with_parameters(b=b), analysis)(**options) for b in columns["b"]]
-        assert compiled_runs(model, runs[0], columns, None, options) is None
+        reason = "there are more than 0 coordinates" if analysis == "simulate" else ""
+        assert compiled_runs(model, runs[0], columns, None, options) == reason
         same_bits(getattr(model, f"{analysis}_many")(columns, **options), runs)
 
 
@@ -172,7 +173,7 @@ def test_large_programs_are_not_compiled_for_lanes(model, monkeypatch):
     monkeypatch.setattr(batch, "MOST_IN_LANES", 100)
     assert not compiled_runs(model, first, columns, None, given).batched
     driven_first = model.with_parameters(b=0.34).kinematics(samples=5)
-    assert compiled_runs(model, driven_first, columns, None, {"samples": 5}) is None
+    assert compiled_runs(model, driven_first, columns, None, {"samples": 5}) == ""
     same_bits(
         model.simulate_many(columns, **given),
         [model.with_parameters(b=b).simulate(**given) for b in columns["b"]],

@@ -177,6 +177,7 @@ def test_what_lanes_do_not_have_is_carried_out_singly_or_refused():
     model = symgen.build(scene)
     states, options = swings(model, (1.0, 1.0)), {"t_end": 1.0, "samples": 3, "method": "taylor"}
     found = model.simulate_many(states=states, **options)
+    assert found.attrs["notes"] == "runs are not in SIMD lanes: the scene has events"
     alone = model.simulate(state=states[1], **options)
     assert all("down" in reason for reason in found["ended_early"].values)
     there = found["A.position"].values[1]
@@ -186,6 +187,39 @@ def test_what_lanes_do_not_have_is_carried_out_singly_or_refused():
     four_bar = symgen.build("four_bar")
     with pytest.raises(ModelError, match="goes with explicit methods"):
         four_bar.simulate_many(states=swings(four_bar, (1.0,)), stabilisation="baumgarte", **options)
+
+
+@pytest.mark.parametrize(
+    ("changes", "options", "reason"),
+    [
+        ({}, {"method": "taylor"}, None),
+        ({}, {"method": "rk4", "step": 1e-2}, None),
+        ({}, {"rtol": 1e-11}, None),
+        ({}, {}, "these are for taylor, and for explicit methods with fixed steps and projection"),
+        ({}, {"method": "radau5"}, "radau5 is implicit"),
+        ({"outputs": ["bar.angle"]}, {"method": "taylor"}, "an angle of a link is recorded"),
+        ({"spring": "2 N*m/rad"}, {"method": "taylor"}, "a torsion spring or a load follows an angle"),
+        ({"force": "sign(A.vx)*push"}, {"method": "taylor"}, "a load has jumps"),
+    ],
+)
+def test_datasets_note_why_runs_are_not_in_lanes(changes, options, reason):
+    springs = (
+        [{"link": "bar", "stiffness": changes["spring"], "angle": "0 rad"}] if "spring" in changes else []
+    )
+    forces = [{"point": "A", "force": [changes["force"], "0 N"]}] if "force" in changes else []
+    model = symgen.build(
+        symgen.Scene(
+            parameters={"push": "1 N"},
+            points={"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["1 m", "0 m"]}},
+            links={"bar": {"points": ["O", "A"], "mass": "1 kg"}},
+            gravity={"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
+            torsion_springs=springs,
+            forces=forces,
+            analysis={"outputs": changes.get("outputs", ["A.position"])},
+        )
+    )
+    found = model.simulate_many(states=swings(model, (1.0, 1.0)), t_end=0.1, samples=2, **options)
+    assert found.attrs.get("notes") == (reason and f"runs are not in SIMD lanes: {reason}")
 
 
 def test_default_method_is_that_of_single_runs():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -44,6 +44,8 @@ class DrivenLoops:
     along: Coordinate | None
     values: Array
     names: frozenset[str]
+
+    reason: ClassVar[str] = ""
 
     @property
     def grain(self) -> int:

@@ -39,7 +39,8 @@ class SimulatedRuns:
 
     ``single`` are runs with the parameters of the scene, which start from the stored state; ``batched`` the
     kernels that take vectors, for fixed explicit steps and power series in SIMD lanes. Of ``steps``, as many
-    as the first run took, ``most`` runs take place in one call, which nothing interrupts.
+    as the first run took, ``most`` runs take place in one call, which nothing interrupts. ``reason`` is why
+    there are no lanes.
     """
 
     evaluator: Evaluator
@@ -51,6 +52,7 @@ class SimulatedRuns:
     single: NDArray[np.bool_]
     batched: Library | None
     steps: int
+    reason: str
 
     def most(self, keep: Keep) -> int:
         """Return the number of runs of one call."""
@@ -104,42 +106,70 @@ def compiled_runs(
     columns: Mapping[str, Array],
     states: Sequence[State] | None,
     arguments: Mapping[str, Any],
-) -> CompiledRuns | None:
-    """Return runs with the options of a first one; None where each is to be carried out singly."""
+) -> CompiledRuns | str:
+    """Return runs with the options of a first one, or a reason, maybe '', to carry out each singly."""
     kind = getattr(first, "KIND", "")
     if kind in ("kinematics", "forces"):
-        return driven_runs(model, kind == "forces", columns, states, arguments)
+        return driven_runs(model, kind == "forces", columns, states, arguments) or ""
     source = getattr(first, "__dict__", {}).get("_source")
-    if not isinstance(source, Recording) or arguments.get("max_wall") is not None:
-        return None
+    if not isinstance(source, Recording):
+        return ""
     evaluator, chosen, d = source.kernels, source.chosen, source.kernels.description
     if arguments.get("method") is None and SERIES in source.library.addresses:
         chosen = by_series(chosen)  # the first run may have ended by the method that is chosen otherwise
-    in_c = source.equations.core_type is _core.DOUBLE and source.library.backend in ("c", "shipped")
     starts = {s.t for s in states} if states is not None else {0.0}
-    if not in_c or d.events or d.held or source.redundant or not d.coordinates or len(starts) > 1:
-        return None
-    if d.kernel("run_end") and arguments.get("t_end") is None and arguments.get("t_eval") is None:
-        return None  # each has its own end
-    # a large linkage has a start of its own
-    if chosen.method.needs_tangent or d.coordinates > LARGE:
-        return None
+    reason = _alone(source, chosen, starts, arguments)
+    if reason:
+        return reason
     state_of = getattr(model, "_own", lambda state: state)
     rows = None if states is None else np.array([np.concatenate((s.q, s.u)) for s in map(state_of, states)])
     parameter_rows = parameters_of_runs(evaluator, columns, states)
     single = is_stored(evaluator, parameter_rows, states)
     t0 = starts.pop()
-    if chosen.rtol == chosen.atol == 0.0 and chosen.t_end - t0 > MOST_STEPS * chosen.step > 0.0:
-        return None
     times = np.ascontiguousarray(sample_times(t0, chosen, arguments.get("t_eval")))
-    batched, series = None, chosen.method.kind == "taylor"
-    if _in_lanes(chosen) and fits_lanes(d) and not d.turns and isinstance(model.number_type, Typed):
-        batched = model.number_type.kernels(True, True) if series else model.number_type.kernels(True)
+    batched, reason = None, _without_lanes(d, chosen, model)
+    if not reason:
+        batched = model.number_type.kernels(True, *((True,) if chosen.method.kind == "taylor" else ()))
         if lanes_of(batched, d.name)[0] < 2:
-            batched = None
+            batched, reason = None, "the compiler has no vectors"
     return SimulatedRuns(
-        evaluator, chosen, t0, times, parameter_rows, rows, single, batched, source.stepper.steps
+        evaluator, chosen, t0, times, parameter_rows, rows, single, batched, source.stepper.steps, reason
     )
+
+
+def _alone(source: Recording, chosen: Options, starts: set[float], arguments: Mapping[str, Any]) -> str:
+    """Return why each run is carried out by itself, with Python between its steps; '' where it is not."""
+    d = source.kernels.description
+    own_end = d.kernel("run_end") and arguments.get("t_end") is None and arguments.get("t_eval") is None
+    long = chosen.rtol == chosen.atol == 0.0 and chosen.t_end - min(starts) > MOST_STEPS * chosen.step > 0.0
+    in_c = source.equations.core_type is _core.DOUBLE and source.library.backend in ("c", "shipped")
+    reasons = {
+        "max_wall is given": arguments.get("max_wall") is not None,
+        "kernels are not compiled for float64": not in_c,
+        "the scene has events": bool(d.events),
+        "a load has jumps": bool(d.switches),
+        "a torsion spring or a load follows an angle": bool(d.windings),
+        "constraints are redundant": bool(source.redundant),
+        "all points are fixed": not d.coordinates,
+        "states are at several times": len(starts) > 1,
+        "the end of a run depends on its parameters": bool(own_end),
+        f"{chosen.method.name} is implicit": chosen.method.needs_tangent,
+        f"there are more than {LARGE} coordinates": d.coordinates > LARGE,  # starts are sparse
+        f"a run has more than {MOST_STEPS} steps": long,
+    }
+    return next((reason for reason, holds in reasons.items() if holds), "")
+
+
+def _without_lanes(d: Any, chosen: Options, model: Any) -> str:
+    """Return why compiled runs are not in SIMD lanes; '' where they are."""
+    of_methods = "these are for taylor, and for explicit methods with fixed steps and projection"
+    reasons = {
+        of_methods: not _in_lanes(chosen),
+        "an angle of a link is recorded": bool(d.turns),
+        "the linkage is too large to be compiled for them": not fits_lanes(d),
+        "kernels are not compiled": not isinstance(model.number_type, Typed),
+    }
+    return next((reason for reason, holds in reasons.items() if holds), "")
 
 
 def _in_lanes(chosen: Options) -> bool:

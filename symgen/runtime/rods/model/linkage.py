@@ -200,7 +200,7 @@ class LinkageModel(Model):
         poses = request.instants(self.description.t_end)
         return analyse(self.constraints(), begin.q, begin.t, poses, request.through, request.of)
 
-    def _compiled_runs(self, runs: Runs, first: Any) -> CompiledRuns | None:
+    def _compiled_runs(self, runs: Runs, first: Any) -> CompiledRuns | str:
         from symgen.runtime.rods.many.compiled import compiled_runs
 
         return compiled_runs(self, first, runs.columns, runs.states, runs.arguments)
