@@ -45,6 +45,7 @@ CORE = (
     "run.c",
     "samples.c",
     "settle.c",
+    "stiffness.c",
     "switches.c",
     "windings.c",
     "zeros.c",

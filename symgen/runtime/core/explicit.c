@@ -93,32 +93,18 @@ static int step(struct run *run, real t, real h, real t_new) {
     return DONE;
 }
 
-/* The test for stiffness runs every STIFF_EVERY steps, and in every step while stability seems to limit the step.
-   Stiff after STIFF_ROW such steps in a row; not stiff after EASY_ROW others. */
-enum { STIFF_EVERY = 16 };
-enum { STIFF_ROW = 15 };
-enum { EASY_ROW = 6 };
-
 /* The last stage and the end of the step have the same time. The distance of their derivatives over the distance of
    their states is a lower bound of the largest eigenvalue (Hairer and Wanner II, IV.2). */
 static void look_for_stiffness(struct run *run, const struct tableau *x, real h, real t_new) {
-    struct state *s = run->state;
     const real *last = (const real *)run->own + (x->stages - 1) * run->dim;
     real rates = 0, states = 0;
-    if (*x->edge == 0 || s->stiff || (s->stiff_row == 0 && s->steps % STIFF_EVERY != STIFF_EVERY - 1))
+    if (*x->edge == 0 || !is_stiffness_due(run))
         return;
     for (long i = 0; i < run->dim; i++) {
         real rate = run->f_new[i] - last[i], state = run->y_new[i] - run->stage[i];
         rates += rate * rate, states += state * state;
     }
-    if (states > 0 && h * real_sqrt(rates / states) > *x->edge) {
-        s->easy_row = 0;
-        if (s->stiff_row++ == 0)
-            s->t_stiff = t_new;
-        s->stiff = s->stiff_row == STIFF_ROW;
-    } else if (s->stiff_row && ++s->easy_row == EASY_ROW) {
-        s->stiff_row = s->easy_row = 0;
-    }
+    watch_stiffness(run, t_new, states > 0 && h * real_sqrt(rates / states) > *x->edge);
 }
 
 static int finish(struct run *run, real h, real t_new) {

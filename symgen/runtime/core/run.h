@@ -284,6 +284,9 @@ real largest_of(const real *v, long count);
 
 /* -- parts of the loop, a file each ------------------------------------------------------------------------ */
 
+/* Whether a method looks for stiffness in this step, and whether stability limits it. */
+int is_stiffness_due(const struct run *run);
+void watch_stiffness(struct run *run, real t_new, int is_limited);
 void look_inside(struct run *run, real t_new);
 void watch_rank(struct run *run, real t_new, double sound);
 int record_samples(struct run *run, real t_new, real until, real h, double sound, int *prepared);
