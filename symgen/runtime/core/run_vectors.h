@@ -234,15 +234,19 @@ static void add_derivatives(const struct lane_runs *l, const real *weights, long
     }
 }
 
+static void fill_stage(struct lane_runs *l, const struct tableau *of, const struct lane_step *x, ptrdiff_t s) {
+    const real t = x->t[0], h = x->h[0];
+    add_derivatives(l, of->a + s * of->all, s, h, l->stage);
+    lane_derivative(l, all(t + of->c[s] * h), l->stage, l->own + s * l->dim);
+}
+
 /* Take an explicit step, which all lanes take at one time, and leave the derivatives at its end behind those of the
    stages. */
 static void take_step(struct lane_runs *l, const struct lane_step *x) {
     const struct tableau of = tableau_of(&l->scheme);
-    const real t = x->t[0], h = x->h[0];
-    for (ptrdiff_t s = 1; s < of.stages; s++) {
-        add_derivatives(l, of.a + s * of.all, s, h, l->stage);
-        lane_derivative(l, all(t + of.c[s] * h), l->stage, l->own + s * l->dim);
-    }
+    const real h = x->h[0];
+    for (ptrdiff_t s = 1; s < of.stages; s++)
+        fill_stage(l, &of, x, s);
     add_derivatives(l, of.b, of.stages, h, l->y_new);
     fail_unless_finite(l, l->y_new);
     project_lanes(l, x->t_new, l->y_new, 0);
@@ -277,8 +281,8 @@ static void begin_runs(struct lane_runs *l, const real *parameter_rows, const re
     monitor(l, t);
 }
 
-/* Write the states of the lanes at times in a step, not projected. */
-static void interpolate_lanes(struct lane_runs *l, const struct lane_step *x, wide at) {
+/* Write the states of the lanes at times in a step, not projected; the first of a step needs further stages. */
+static void interpolate_lanes(struct lane_runs *l, const struct lane_step *x, wide at, int first) {
     if (by_series(l)) {
         const struct series s = series_of(l, l->series.present);
         const wide part = (at - x->t) / x->h;
@@ -287,13 +291,15 @@ static void interpolate_lanes(struct lane_runs *l, const struct lane_step *x, wi
     }
     const struct tableau of = tableau_of(&l->scheme);
     real weights[MOST_STAGES];
+    for (ptrdiff_t s = of.stages + 1; s < of.all && first; s++)
+        fill_stage(l, &of, x, s);
     dense_weights(&of, x->h[0], (at[0] - x->t[0]) / x->h[0], weights);
     add_derivatives(l, weights, of.all, R(1), l->stage);
 }
 
 /* Record the samples of a step; `next` counts those of each lane. */
 static void record_step(struct lane_runs *l, const struct lane_step *x, const real *times, ptrdiff_t *next, real *samples) {
-    for (;;) {
+    for (int first = 1;; first = 0) {
         mask due = {0}, inside;
         wide at = x->t_new;
         for (int lane = 0; lane < WIDTH; lane++)
@@ -303,7 +309,7 @@ static void record_step(struct lane_runs *l, const struct lane_step *x, const re
             return;
         inside = due & (at != x->t_new);
         if (any(inside)) {
-            interpolate_lanes(l, x, at);
+            interpolate_lanes(l, x, at, first);
             copy_where(~inside, l->y_new, l->dim, l->stage);
             project_lanes(l, at, l->stage, (int)l->task.places_only);
         }

@@ -195,7 +195,7 @@ def test_what_lanes_do_not_have_is_carried_out_singly_or_refused():
         ({}, {"method": "taylor"}, None),
         ({}, {"method": "rk4", "step": 1e-2}, None),
         ({}, {"rtol": 1e-11}, None),
-        ({}, {}, "these are for taylor, and for explicit methods with fixed steps and projection"),
+        ({}, {}, "these are for taylor, and for dop853 and rk4 with fixed steps and projection"),
         ({}, {"method": "radau5"}, "radau5 is implicit"),
         ({"outputs": ["bar.angle"]}, {"method": "taylor"}, "an angle of a link is recorded"),
         ({"spring": "2 N*m/rad"}, {"method": "taylor"}, "a torsion spring or a load follows an angle"),

@@ -162,7 +162,7 @@ def _alone(source: Recording, chosen: Options, starts: set[float], arguments: Ma
 
 def _without_lanes(d: Any, chosen: Options, model: Any) -> str:
     """Return why compiled runs are not in SIMD lanes; '' where they are."""
-    of_methods = "these are for taylor, and for explicit methods with fixed steps and projection"
+    of_methods = "these are for taylor, and for dop853 and rk4 with fixed steps and projection"
     reasons = {
         of_methods: not _in_lanes(chosen),
         "an angle of a link is recorded": bool(d.turns),
