@@ -336,7 +336,7 @@ def test_forces_with_a_guide_in_space():
         "masses": [{"point": "P", "mass": "0.7 kg"}],
         "guides": [{"points": ["P"], "along": "OB"}],
         "gravity": {"acceleration": ["0 m/s^2", "0 m/s^2", "-9.81 m/s^2"]},
-        "start": {"rates": {"OB": ["0.5 rad/s", "-1 rad/s", "2 rad/s"]}},
+        "start": {"rates": {"OB": ["1 rad/s", "1 rad/s", "3 rad/s"]}},
         "analysis": {
             "outputs": ["OB.O.force", "OB.B.force", "B.acceleration", "P.acceleration", "B.position"]
         },

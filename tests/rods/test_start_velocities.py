@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -9,6 +11,7 @@ from shared.full import full
 from shared.in_numpy import build
 
 import symgen
+from symgen.errors import SceneError
 from symgen.runtime.rods.large_start import LARGE, least_velocities
 
 
@@ -138,3 +141,46 @@ def test_a_body_in_space_starts_with_the_least_energy_however_it_is_drawn(points
         model = build(scene)
         found = model.simulate(1e-3, samples=2)["body.angular_velocity"].values[0]
         np.testing.assert_allclose(found, expected, atol=1e-13)
+
+
+def pendulum(rate, **more):
+    """A rod in space along (0.6, 0, -0.8), whose angular velocity at the start is prescribed."""
+    return symgen.Scene(
+        points={"O": {"at": [0, 0, 0], "ground": True}, "A": {"at": ["0.3 m", 0, "-0.4 m"]}},
+        links={"OA": {"points": ["O", "A"], "mass": "1 kg"}},
+        gravity={"acceleration": [0, 0, "-9.81 m/s^2"]},
+        start={"rates": {"OA": [f"{w} rad/s" for w in rate]}},
+        **more,
+    )
+
+
+@pytest.mark.parametrize("rate", [(0, 0, 2), (1.8, 0, -2.4)])
+def test_a_spin_about_the_line_of_a_rod_is_refused_with_the_part_to_subtract(rate):
+    """It was dropped: a rate along the rod alone gave a start at rest."""
+    with pytest.raises(SceneError, match=r"rad/s of the rate are about the line of OA") as caught:
+        build(pendulum(rate))
+    assert caught.value.where == "start.rates.OA"
+    part = np.array([float(x) for x in re.search(r"\[(.*)\] rad/s", str(caught.value))[1].split(",")])
+    along = np.array([0.6, 0, -0.8])
+    np.testing.assert_allclose(part, (along @ rate) * along, atol=1e-15)
+    found = build(pendulum(rate - part)).initial_state().velocities["A"]
+    np.testing.assert_allclose(found, np.cross(rate, 0.5 * along), atol=1e-14)
+
+
+def test_the_rate_of_a_rod_with_a_revolute_joint_is_about_its_axis():
+    """There it moves on a cone, whose axis is not at right angles to the rod."""
+    joints = [{"point": "O", "links": ["OA"], "kind": "revolute", "axis": [0, 0, 1]}]
+    found = build(pendulum((0, 0, 2), joints=joints)).initial_state().velocities["A"]
+    np.testing.assert_allclose(found, [0, 0.6, 0], atol=1e-14)
+    with pytest.raises(SceneError, match=r"OA rate off its axis by 0.18 m/s"):
+        build(pendulum((0.6, 0, 1.2), joints=joints))
+
+
+def test_contradicting_velocities_name_the_constraint_and_the_remedy():
+    scene = symgen.Scene(
+        points={"O": {"at": [0, 0, 0], "ground": True}, "A": {"at": ["0.3 m", 0, "-0.4 m"]}},
+        links={"OA": {"points": ["O", "A"], "mass": "1 kg"}},
+        start={"velocities": {"A": ["1 m/s", "1 m/s", "0 m/s"]}},
+    )
+    with pytest.raises(SceneError, match=r"(?s)A velocity [xz] by .* m/s, the length of link OA by .* rates of links"):
+        build(scene)

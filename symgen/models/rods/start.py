@@ -11,7 +11,7 @@ from symgen.models.rods.matrix import named, sparse
 from symgen.scene.rods.linkage import TIME
 from symgen.symbolic.calculus import ONE, ZERO
 from symgen.symbolic.system import Export, NamedMatrix
-from symgen.symbolic.vectors import cross
+from symgen.symbolic.vectors import cross, dot
 
 if TYPE_CHECKING:
     from symgen.models.rods.linkage import RodsModel
@@ -184,6 +184,12 @@ def _velocity(model: RodsModel) -> list[NamedMatrix]:
             rows.extend(f"{name} rate {axis}" for axis in model.axes)
             targets.extend(cross(rate, edge))
             gradients.extend(model.calculus.gradient(c) for c in edge)
+        if not body:  # a line has no spin of its own: such a part of its rate cannot be met
+            edge, hinge = model.along[name], model.hinges.get(name)
+            spin = dot(rate, edge) - (dot(rate, hinge.axis) * dot(hinge.axis, edge) if hinge else 0)
+            rows.append(f"{name} rate {'off its axis' if hinge else 'along it'}")
+            targets.append(spin)
+            gradients.append({})
     for name, velocity in model.linkage.start.velocities:
         rows.extend(f"{name} velocity {axis}" for axis in model.axes)
         targets.extend(velocity)

@@ -33,6 +33,8 @@ _SEARCHED = 120
 ROUNDING = 1e-14
 #: Round-off of velocities, over the prescribed ones.
 CONSISTENT = 1e-9
+#: End of the names of rows for rates about the line of a rod.
+_SPIN = " rate along it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -327,19 +329,39 @@ def _velocities(evaluator: Evaluator, starter: Starter, redundant: tuple[int, ..
     missed = float(np.max(np.concatenate((of_constraints, of_start)), initial=0.0))
     if missed <= CONSISTENT * size:
         return u
+    d, causes = evaluator.description, list[tuple[str, float, str]]()
     if len(of_start):
         worst = int(np.argmax(of_start))
-        row, by = _rows(evaluator, "start_velocity")[worst], of_start[worst]
-        place = _place(evaluator, row)
-    else:
+        row = _rows(evaluator, "start_velocity")[worst]
+        if row.endswith(_SPIN):
+            raise _spun(evaluator, starter.q, worst)
+        causes.append((row, of_start[worst], _place(evaluator, row)))
+    if len(of_constraints):
         worst = int(np.argmax(of_constraints))
-        independent = np.setdiff1d(np.arange(len(evaluator.description.constraints)), redundant)
-        row, by, place = evaluator.description.labels[independent[worst]], of_constraints[worst], "drivers"
+        independent = np.setdiff1d(np.arange(len(d.constraints)), redundant)
+        causes.append((d.labels[independent[worst]], of_constraints[worst], "drivers"))
+    errors = ", ".join(f"{row} by {by:.3g} m/s" for row, by, _ in causes if not by <= CONSISTENT * size)
     raise InitialStateError(
-        f"the velocities at the start contradict the constraints: {row} has an error of {by:.3g} m/s, "
-        f"a constraint by {np.max(of_constraints, initial=0.0):.3g} m/s\n"
-        "  Prescribe fewer of them: the others follow.",
-        where=place,
+        f"the velocities at the start contradict the constraints: {errors}\n"
+        "  Prescribe fewer of them, such as rates of links in place of velocities of points: the others "
+        "follow.",
+        where=causes[0][2],
+    )
+
+
+def _spun(evaluator: Evaluator, q: Array, row: int) -> InitialStateError:
+    """Return the error of a rate with a component about the line of its rod."""
+    d, still = evaluator.description, np.zeros_like(q)
+    name = _rows(evaluator, "start_velocity")[row].removesuffix(_SPIN)
+    places = evaluator.blocks("points", 0.0, q, still)["positions"]
+    start, end = (places[d.points.index(p)] for p in d.links[name][:2])
+    length = float(np.linalg.norm(end - start))
+    spin = float(evaluator.blocks("start_velocity", 0.0, q, still)["start_rates"][row]) / length
+    part = ", ".join(f"{x:.9g}" for x in spin * (end - start) / length + 0.0)
+    return InitialStateError(
+        f"{abs(spin):.3g} rad/s of the rate are about the line of {name}, about which a rod has no rotation\n"
+        f"  Subtract [{part}] rad/s from the rate, or give velocities of points.",
+        where=f"start.rates.{name}",
     )
 
 
