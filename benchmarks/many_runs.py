@@ -246,7 +246,7 @@ def _rollout(model: Any, states: list[Any], rows: list[dict[str, Any]], slack: f
     swings = partial(model.simulate_many, states=states, t_end=t_end, samples=2)
     found, own = _timed(
         "four_bar by rk4, 2 threads, steps as in MuJoCo", "step", SWINGS * steps,
-        lambda: swings(step=step, threads=2), rows, calls=8,
+        lambda: swings(method="rk4", step=step, threads=2), rows, calls=8,
     )  # fmt: skip
     truth = swings(rtol=1e-12, atol=1e-12)["B.position"].values[:, -1]
     c, b = (np.array(states[0].positions[p]) for p in "CB")

@@ -6,7 +6,8 @@ Each docstring states the remedy.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+import re
+from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import partial
 from typing import Any
 
@@ -191,6 +192,29 @@ class ArgumentError(ModelError):
         return f"{self._before}{argument}{self._after}"
 
 
+class OptionsError(ModelError):
+    """Arguments of a call exclude each other, or one is missing. Correct the call.
+
+    Parameters
+    ----------
+    problem
+        The message, with the arguments in braces: ``give {rtol} and {atol}``, ``{step}=1e-3``.
+    """
+
+    def __init__(self, problem: str) -> None:
+        self._problem = problem
+        super().__init__(self.named(str))
+
+    def named(self, option: Callable[[str], str]) -> str:
+        """Return the message with the arguments as options: ``--step 1e-3``."""
+
+        def written(found: re.Match[str]) -> str:
+            name, equals = option(found[1]), found[2]
+            return name + (" " if equals and name.startswith("-") else equals)
+
+        return re.sub(r"\{(\w+)\}(=?)", written, self._problem)
+
+
 class CapabilityError(SymgenError, AttributeError):
     """A model does not support an analysis. The message has the reason; ``hasattr(model, "modes")`` is False.
 
@@ -257,16 +281,22 @@ class SimulationError(SymgenError):
 _LISTED, _NEAREST = 30, 5
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
-    """Return a hint with the known word nearest to ``name``, or a list of the known words if they are few."""
+def nearest(name: str, known: Iterable[str], otherwise: str = "") -> str:
+    """Return a hint with the known word nearest to ``name``, if one is near: a few letters may differ.
+
+    Else ``otherwise``, by default a list of the known words, or of the nearest if they are many.
+    """
     from difflib import get_close_matches
 
     words = sorted(set(known))
     folded = name.casefold()
-    close = [w for w in words if w.casefold() == folded] or get_close_matches(name, words, n=1, cutoff=0.6)
+    close = [w for w in words if w.casefold() == folded] or get_close_matches(name, words, n=1, cutoff=0.75)
+    close = close or get_close_matches(name, [w for w in words if w[:1] == name[:1]], n=1, cutoff=0.6)
     close = close or [w for w in words if w.casefold().startswith(folded)]
     if close:
         return f"Did you mean {close[0]!r}?"
+    if otherwise:
+        return otherwise
     if len(words) > _LISTED:
         closest = get_close_matches(name, words, n=_NEAREST, cutoff=0.0)
         return f"The nearest of {len(words)} names are {', '.join(closest)}."

@@ -36,6 +36,7 @@ from symgen.errors import (
     DerivationError,
     GenerationError,
     InitialStateError,
+    OptionsError,
     OutputError,
     SceneError,
     SimulationError,
@@ -134,6 +135,8 @@ def _ended() -> int:
         return _failed(_usage(error), USAGE)
     except ArgumentError as error:
         return _failed(error.named(_option(error.argument)), USAGE)
+    except OptionsError as error:
+        return _failed(error.named(_option), USAGE)
     except SymgenError as error:
         return _failed(
             str(error), next((_EXIT_CODES[c] for c in type(error).__mro__ if c in _EXIT_CODES), USAGE)

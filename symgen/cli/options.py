@@ -182,7 +182,7 @@ OF_ANALYSES: dict[str, Any] = {
         "Relative tolerance of the local error; elastic links: error over the peak stress.",
     ),
     "atol": maybe(float, "--atol", "X", "Absolute tolerance of the local error [m, m/s]."),
-    "step": maybe(float, "--step", "SECONDS", "Fixed step [s]."),
+    "step": maybe(float, "--step", "SECONDS", "Fixed step [s] without error control, by default of dop853."),
     "steps": maybe(
         int, "--steps", "N", "Steps per revolution; default: doubled until --rtol is met.", _ELASTIC
     ),
@@ -199,7 +199,8 @@ OF_ANALYSES: dict[str, Any] = {
         "--at",
         "VALUE,...",
         'Values to evaluate instead of a range: of the input, "45,100" (bare: degrees, or a loop\'s '
-        'unit of length), "0:90:4" (from, to, count), "0.5 rad", or of the time, "0.3 s".',
+        'unit of length), "0:90:4" (from, to, count), "0.5 rad", or of the time, "0.3 s". An angle that a '
+        "linkage passes more than once is that of its first passage.",
     ),
     "samples": Samples,
     "state": maybe(int, "--state", "N", "Assembly mode of a linkage at the start; 1 is the drawn one."),

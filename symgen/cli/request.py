@@ -12,7 +12,7 @@ import typer
 
 from symgen.cli.common import changes, command, console, print_json, progress_bar, saved_on_failure
 from symgen.cli.options import DEFAULTS, OF_ANALYSES
-from symgen.errors import ArgumentError, ModelError
+from symgen.errors import ArgumentError, ModelError, OptionsError
 from symgen.methods import load, method_of
 
 #: Options that decide how kernels are compiled, and all others that are not arguments of an analysis.
@@ -136,6 +136,8 @@ class CommandRequest:
             except ArgumentError as error:
                 name = error.argument if error.argument in self.options else ""
                 raise ModelError(error.named(self.names.get(name, error.argument))) from None
+            except OptionsError as error:
+                raise ModelError(error.named(lambda name: str(self.names.get(name, name)))) from None
 
     def arguments(self, verb: str) -> dict[str, Any]:
         """Return the arguments of an analysis from the options given.

@@ -21,6 +21,8 @@ SHIPPED = Path(__file__).resolve().parent.parent / "scenes"
 _LARGEST = 4_000_000
 _DEEPEST = 20  # tables in tables: a scene has four
 _LONGEST_NAME = 40
+#: Hint on an unknown name that is near none.
+_LISTS = "'symgen scenes' lists the shipped ones."
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +55,7 @@ def shipped_scene(name: str) -> str:
     """
     known = shipped_scenes()
     if name not in known:
-        raise SceneError(f"no scene called {name!r} comes with symgen", hint=nearest(name, known))
+        raise SceneError(f"no scene called {name!r} comes with symgen", hint=nearest(name, known, _LISTS))
     return scene_path(name).read_text(encoding="utf-8")
 
 
@@ -110,7 +112,7 @@ def _alike(text: str) -> str:
     file = str(path) if path.suffix == ".toml" else f"{path}.toml"
     hints = [nearest(file, files), nearest(text, shipped_scenes())]
     close = [hint for hint in hints if hint.startswith("Did you mean")]
-    return " ".join([*close[:1], "'symgen scenes' lists the shipped ones."])
+    return " ".join([*close[:1], _LISTS])
 
 
 @checked

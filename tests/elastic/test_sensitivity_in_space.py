@@ -71,5 +71,5 @@ def test_what_has_no_derivatives_is_refused(model):
         model.simulate(max_wall=1e-9)
     with pytest.raises(ModelError, match="expected a whole run for at, got one that max_wall ended"):
         model.sensitivity(["P.position"], at=ended.value.partial)
-    with pytest.raises(ModelError, match="expected 1 independent coordinates of spatial_four_bar"):
+    with pytest.raises(ModelError, match="expected 1 independent coordinate of spatial_four_bar"):
         symgen.build("spatial_four_bar").sensitivity(["frequencies"])

@@ -22,7 +22,7 @@ def bits(result):
 def strayed(model, t):
     """The entries of the closure, all in metres, where an unprojected run is at a time."""
     d = model.description
-    run = model.simulate(t, step=1e-3, stabilisation="raw")
+    run = model.simulate(t, method="rk4", step=1e-3, stabilisation="raw")
     q = np.array([run.final[v.name]["value"] for v in d.variables])
     off = model.kernels("position", t, q, np.zeros_like(q))["closure_defect"].copy()
     off[:, :3] *= d.size
@@ -30,10 +30,10 @@ def strayed(model, t):
 
 
 def test_max_drift_ends_a_run_and_names_time_and_component(model):
-    whole = model.simulate(step=1e-3, stabilisation="raw")
+    whole = model.simulate(method="rk4", step=1e-3, stabilisation="raw")
     limit = whole.drift.constraint / 10
     with pytest.raises(SimulationError, match="the closure of the loop strayed by .* max_drift = ") as caught:
-        model.simulate(step=1e-3, stabilisation="raw", max_drift=limit)
+        model.simulate(method="rk4", step=1e-3, stabilisation="raw", max_drift=limit)
     t = caught.value.time
     assert 0 < t < 2 and f"at t = {t:.9g} s" in str(caught.value)
     assert len(caught.value.partial.time) == int(t / 0.01 + 1e-9) + 1
@@ -51,7 +51,7 @@ def test_errors_of_rotation_are_named(model):
     said = set()
     for limit in np.geomspace(1e-12, 1e-7, 12):
         with pytest.raises(SimulationError) as caught:
-            model.simulate(step=1e-3, stabilisation="raw", max_drift=limit)
+            model.simulate(method="rk4", step=1e-3, stabilisation="raw", max_drift=limit)
         off = np.abs(strayed(model, caught.value.time))
         row, column = np.unravel_index(np.argmax(off), off.shape)
         kind = (
@@ -98,4 +98,4 @@ def test_checkpoints_of_other_runs_are_refused(model, tmp_path):
     with pytest.raises(ModelError, match="checkpoint_every"):
         model.simulate(checkpoint=file, checkpoint_every=-1)
     with pytest.raises(ModelError, match="loops take projection, or raw"):
-        model.simulate(step=1e-3, stabilisation="baumgarte")
+        model.simulate(method="rk4", step=1e-3, stabilisation="baumgarte")

@@ -18,6 +18,7 @@ from symgen.runtime.chain.elimination import ChainMotion, Elimination
 from symgen.runtime.chain.inputs import refuse, tree, vector
 from symgen.runtime.chain.run import ChainRun, run
 from symgen.runtime.integrate.checkpoint import keeping
+from symgen.runtime.integrate.integrators import integrator
 from symgen.runtime.integrate.options import options, sample_count
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.kernels.library import shipped_module
@@ -191,7 +192,7 @@ class Chain(Elimination):
         forces
             Forces on the points [N], or a function of time, positions and velocities that returns them.
         method, rtol, atol, step, samples, t_eval, max_steps
-            As of :meth:`symgen.Model.simulate`: dop853 with rtol = 1e-9 by default, rk4 with a step [s].
+            As of :meth:`symgen.Model.simulate`: dop853 by default, with rtol = 1e-9 or a step [s].
             Implicit methods do not apply.
         max_wall, checkpoint, checkpoint_every, resume, progress
             As there. A run with a function for its forces is resumed with the same function.
@@ -203,6 +204,11 @@ class Chain(Elimination):
         SimulationError
             When the run cannot continue, or the wall time is spent; it carries the samples so far.
         """
+        if method is not None and integrator(method).needs_tangent:
+            raise ModelError(
+                f"{method} is implicit and needs derivatives of the forces, which a chain has not\n"
+                "  Choose dop853, dopri5, rk4 or rattle."
+            )
         count = sample_count(samples, t_eval, 201)
         chosen = options(t_end, method, rtol, atol, step, count, max_steps)
         keep = keeping(checkpoint, checkpoint_every, resume)

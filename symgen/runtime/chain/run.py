@@ -134,8 +134,6 @@ def run(
         raise ModelError(f"expected one chain or more, got positions of the shape {p.shape}")
     if chain.pinned and np.any(v[..., 0, :]):
         raise ModelError(f"velocities: the base is pinned, expected zero there, got {v[..., 0, :]!r:.80}")
-    if chosen.method.needs_tangent:
-        raise ModelError(f"{chosen.method.name} needs slopes of the forces, which a chain has not")
     system = _System(chain, p.shape[:-2], forces)
     y, times = (
         np.concatenate([system.coordinates(p), system.coordinates(v)]),

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from symgen.calls import checked
-from symgen.errors import ModelError, check_known, nearest
+from symgen.errors import ModelError, OptionsError, check_known, nearest
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import BEAM_METHODS
 from symgen.runtime.integrate.checkpoint import CheckpointOptions
@@ -300,13 +300,13 @@ class ElasticModel(ModelOfRigid):
             return self._large_rotation(large)
         if t_end is not None:
             if revolutions is not None:
-                raise ModelError("give t_end or revolutions, not both")
+                raise OptionsError("give {t_end} or {revolutions}, not both")
             if not t_end > 0.0:
                 raise ModelError(f"expected t_end above zero, got {t_end!r}")
             period = self.motion(request.geometric_stiffness).period
             revolutions = t_end / period if math.isfinite(period) else None
         if request.at is not None and request.t_eval is not None:
-            raise ModelError("give at or t_eval, not both")
+            raise OptionsError("give {at} or {t_eval}, not both")
         times = None if request.t_eval is None else tuple(reals(request.t_eval, "t_eval").tolist())
         return self._run(
             request,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from symgen.errors import ModelError
+from symgen.errors import ModelError, OptionsError
 from symgen.precision import FLOAT64
 from symgen.runtime import _beams, _core
 from symgen.runtime.arrays import Array
@@ -125,7 +125,7 @@ def first_steps(motion: ElasticMotion, task: Task, least: int) -> int:
     if task.steps is None:
         return least if task.max_step is None else max(least, math.ceil(turn(motion) / task.max_step))
     if task.max_step is not None:
-        raise ModelError("give steps (a revolution) or max_step, not both")
+        raise OptionsError("give {steps} (per revolution) or {max_step}, not both")
     if not 1 <= task.steps <= _MOST_A_TURN:
         raise ModelError(f"expected between 1 and 10 million steps per revolution, got {task.steps!r}")
     return task.steps

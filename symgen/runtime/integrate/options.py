@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from symgen.errors import ModelError, SimulationError, nearest
+from symgen.errors import ModelError, OptionsError, SimulationError, nearest
 from symgen.precision import FLOAT64, Precision
 from symgen.runtime._core import STABILISATIONS
 from symgen.runtime.arrays import Array
@@ -113,7 +113,7 @@ def _options(
     count(max_steps, "max_steps")
     if method is not None and not isinstance(method, str):
         raise ModelError(f"expected the name of an integrator, got {method!r}")
-    chosen = integrator(method or ("dop853" if step is None else "rk4"))
+    chosen = integrator(method or "dop853")
     numbers = {"t_end": t_end, "rtol": rtol, "atol": atol, "step": step}
     limits = {"max_drift": max_drift, "max_step": max_step}
     for name, value in {**numbers, "stabilisation_rate": rate, **limits}.items():
@@ -131,24 +131,26 @@ def _options(
         raise ModelError(f"expected max_steps of at least 1, got {max_steps}")
     can_be_fixed = not chosen.adaptive or chosen.kind == "explicit"  # the others solve to the tolerance
     if step is not None and not can_be_fixed:
-        raise ModelError(f"{chosen.name} chooses its own step: give rtol and atol, or another method")
+        raise OptionsError(
+            f"{chosen.name} chooses its own step: give {{rtol}} and {{atol}}, or another {{method}}"
+        )
     if max_step is not None and (step is not None or not chosen.adaptive):
-        raise ModelError("max_step limits the steps of methods that choose their own: give a smaller step")
+        raise OptionsError(
+            "{max_step} limits the steps of methods that choose their own: give a smaller {step}"
+        )
     if chosen.adaptive and step is None:
         rtol, atol = _tolerances(rtol, atol, precision)
         found = Options(chosen, t_end, rtol, atol, 0.0, samples, max_steps, *constraint_options)
         return by_series(found) if method is None and series else found
     if rtol is not None or atol is not None:
         if chosen.adaptive:
-            raise ModelError(
-                f"{chosen.name} takes fixed steps or meets a tolerance: give step, or rtol and atol"
-            )
-        raise ModelError(f"{chosen.name} has a fixed step: give step instead of rtol and atol")
+            raise OptionsError("fixed steps have no tolerance: give {step}, or {rtol} and {atol}, not both")
+        raise OptionsError(f"{chosen.name} has a fixed step: give {{step}} instead of {{rtol}} and {{atol}}")
     if step is None:
-        raise ModelError(f"{chosen.name} has a fixed step: give it one, such as step=1e-3")
+        raise OptionsError(f"{chosen.name} has a fixed step: give it one, such as {{step}}=1e-3")
     if step < precision.coarsened(1e-12) * t_end:
         name = precision.name
-        raise ModelError(f"step = {step:g} s is too small against t_end = {t_end:g} s for {name}")
+        raise OptionsError(f"{{step}}={step:g} s is too small against {{t_end}}={t_end:g} s for {name}")
     return Options(chosen, t_end, 0.0, 0.0, step, samples, max_steps, *constraint_options)
 
 
@@ -183,7 +185,7 @@ def recorded_at(t_eval: ArrayLike, start: float, end: float) -> Array:
 def sample_count(samples: int | None, t_eval: ArrayLike | None, default: int) -> int:
     """Return the number of equally spaced samples; raise ModelError if times are given as well."""
     if samples is not None and t_eval is not None:
-        raise ModelError("give samples or t_eval, not both")
+        raise OptionsError("give {samples} or {t_eval}, not both")
     return default if samples is None else samples
 
 
@@ -195,7 +197,7 @@ def _tolerances(rtol: float | None, atol: float | None, precision: Precision) ->
     tightest, name = TIGHTEST * precision.epsilon, precision.name
     rtol = max(_RTOL, _DEFAULT * precision.epsilon) if rtol is None else rtol
     if rtol < tightest:
-        raise ModelError(f"rtol = {rtol:g} is below {tightest:.2g}, the tightest that {name} can meet")
+        raise OptionsError(f"{{rtol}}={rtol:g} is below {tightest:.2g}, the tightest that {name} can meet")
     floor = 0.0 if precision.epsilon <= FLOAT64.epsilon else 10 * precision.epsilon
     return rtol, max(_ATOL * rtol, floor) if atol is None else atol
 
@@ -206,16 +208,18 @@ def _constraint_options(
     """Check how the constraints are kept, and fill in the defaults."""
     if stabilisation not in STABILISATIONS:
         known = ", ".join(STABILISATIONS)
-        raise ModelError(
-            f"expected stabilisation to be one of {known}, got {stabilisation!r}. "
+        raise OptionsError(
+            f"expected {{stabilisation}} to be one of {known}, got {stabilisation!r}. "
             f"{nearest(str(stabilisation), STABILISATIONS)}"
         )
     if stabilisation != "projection" and method.kind != "explicit":
-        raise ModelError(
-            f"stabilisation={stabilisation!r} goes with explicit methods, not with {method.name}"
+        raise OptionsError(
+            f"{{stabilisation}}={stabilisation} goes with explicit methods, not with {method.name}"
         )
     if rate is not None and stabilisation != "baumgarte":
-        raise ModelError(f"stabilisation_rate goes with baumgarte, not with {stabilisation}")
+        raise OptionsError(
+            f"{{stabilisation_rate}} goes with {{stabilisation}}=baumgarte, not with {stabilisation}"
+        )
     if stabilisation == "baumgarte":
         rate = BAUMGARTE_RATE if rate is None else rate
     return stabilisation, rate or 0.0, np.inf if max_drift is None else max_drift

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
-from symgen.errors import ModelError, SimulationError, check_known
+from symgen.errors import ModelError, OptionsError, SimulationError, check_known
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.arguments import reals
 
@@ -244,8 +244,8 @@ def at_times(
         return sensitivities([start if at is None else float(at)])[0]
     times = reals(t_eval, "t_eval")
     if at is not None or not len(times):
-        raise ModelError(
-            "give at or t_eval, not both" if len(times) else "expected times for t_eval, got none"
+        raise OptionsError(
+            "give {at} or {t_eval}, not both" if len(times) else "expected times for {t_eval}, got none"
         )
     each = sensitivities(times.tolist())
     derivatives, values = (np.array([getattr(x, of) for x in each]) for of in ("derivatives", "values"))

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from symgen.errors import ModelError
+from symgen.errors import ModelError, OptionsError
 from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.redundancy import CLOSED, extent, not_unique, violation
 from symgen.runtime.kernels.evaluate import Evaluator, Kernels
@@ -249,10 +249,10 @@ class Tangents:
                     f"  Choose some of {', '.join(self.slopes.scalars(name))}."
                 )
         if len(coordinates) != freedoms:
-            raise ModelError(
-                f"expected {freedoms} independent coordinates of {self.description.name}, one for each "
-                f"degree of freedom, got {len(coordinates)}: {', '.join(coordinates) or 'none'}\n"
-                f"  {self.CHOICE}"
+            got = f"{len(coordinates)}: {', '.join(coordinates)}" if coordinates else "no {coordinates}"
+            raise OptionsError(
+                f"expected {freedoms} independent coordinate{'s' * (freedoms != 1)} of "
+                f"{self.description.name}, one for each degree of freedom, got {got}\n  {self.CHOICE}"
             )
         rows = self.slopes.rows(coordinates)[:, self.by_q]
         on_free: Array = rows @ self.free

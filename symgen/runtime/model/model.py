@@ -100,14 +100,14 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         t_end
             End of the run [s]; by default that of the scene, for elastic links one revolution.
         method
-            Name of an integrator (``docs/integrators.md``): by default ``dop853``, for ``rtol`` of at
-            most 1e-10 ``taylor`` where it can, or ``rk4`` with a ``step``. Elastic links: ``gauss``
-            (default), ``gauss4``, ``newmark``, ``generalized-alpha``, ``wilson-theta``, ``dop853``, ``rk4``.
+            Name of an integrator (``docs/integrators.md``): by default ``dop853``, or for ``rtol`` of at
+            most 1e-10 ``taylor`` where it can. Elastic links: ``gauss`` (default), ``gauss4``,
+            ``newmark``, ``generalized-alpha``, ``wilson-theta``, ``dop853``, ``rk4``.
         rtol, atol
             Tolerances of the local error of adaptive methods: relative (1e-9), in m and m/s (rtol/1000).
             Elastic links: ``rtol`` is the error over the peak stress (1e-4) of methods with fixed steps.
         step
-            Fixed step [s]; adaptive methods then take fixed steps without error control.
+            Fixed step [s]; ``dop853`` and ``dopri5`` then take fixed steps without error control.
         steps, revolutions
             Elastic links: fixed steps per revolution (by default as many as
             ``rtol`` needs), and revolutions of the crank in place of ``t_end``.
@@ -179,7 +179,8 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         start, stop
             Range of poses; by default that of the scene.
         at
-            Values to evaluate instead of a range, in any order.
+            Values to evaluate instead of a range, in any order; of those that a linkage has several
+            times, the first.
         over
             Variable of range and values: ``input`` (first input of a loop [rad, m], direction of the driven
             link [rad]) or ``time`` [s]. By default ``at`` has values of the input; a range is of the input

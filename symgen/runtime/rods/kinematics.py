@@ -9,7 +9,7 @@ from time import perf_counter
 
 import numpy as np
 
-from symgen.errors import ModelError, SimulationError
+from symgen.errors import ModelError, OptionsError, SimulationError
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.model.instants import Instants
 from symgen.runtime.result.findings import SingularPose
@@ -101,7 +101,7 @@ def analyse(
     if not 2 <= instants.samples <= 1_000_000:
         raise ModelError(f"expected between 2 and 1 million points, got {instants.samples}")
     if through and instants.at is not None:
-        raise ModelError("give at or through, not both: values are evaluated on one assembly branch")
+        raise OptionsError("give {at} or {through}, not both: values are evaluated on one assembly branch")
     driven(constraints, q, t)
     times = instants.times(constraints.description.name, constraints.driving)
     followed = follow(constraints, q, t, instants, times, through)

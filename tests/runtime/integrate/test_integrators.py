@@ -113,7 +113,7 @@ def test_drift_stays_at_round_off_on_the_constraints(name):
 
 def test_rk4_energy_drift_falls_with_the_fourth_power_at_least():
     model = symgen.build("peaucellier")
-    a, b = (model.simulate(1.0, step=h).drift.energy for h in (4e-3, 2e-3))
+    a, b = (model.simulate(1.0, method="rk4", step=h).drift.energy for h in (4e-3, 2e-3))
     assert a / b > 2**3.5
 
 
@@ -123,7 +123,11 @@ def test_rk4_energy_drift_falls_with_the_fourth_power_at_least():
         ({"method": "rk5"}, "no integrator 'rk5'. Did you mean 'rk4'"),
         ({"method": "rk4"}, "rk4 has a fixed step: give it one"),
         ({"method": "rk4", "step": 1e-3, "rtol": 1e-6}, "give step instead of rtol"),
-        ({"method": "dop853", "step": 1e-3, "rtol": 1e-6}, "dop853 takes fixed steps or meets a tolerance"),
+        (
+            {"method": "dop853", "step": 1e-3, "rtol": 1e-6},
+            "fixed steps have no tolerance: give step, or rtol",
+        ),
+        ({"step": 1e-3, "rtol": 1e-10}, "^fixed steps have no tolerance"),
         ({"t_end": -1.0}, "expected t_end to be a finite number above zero, got -1.0"),
         ({"t_end": float("nan")}, "expected a finite number for t_end"),
         ({"rtol": 0.0}, "expected rtol"),
@@ -136,6 +140,18 @@ def test_rk4_energy_drift_falls_with_the_fourth_power_at_least():
 def test_options_out_of_range_are_refused(model, options, message):
     with pytest.raises(ModelError, match=message):
         model.simulate(**{"t_end": 1.0, **options})
+
+
+def test_fixed_steps_are_by_default_those_of_dop853_which_has_smaller_errors_per_evaluation():
+    model = symgen.build("four_bar")
+    truth = model.simulate(1.0, rtol=1e-13, samples=2)
+    run = model.simulate(1.0, step=1 / 60, samples=2)
+    assert run.provenance["method"] == "dop853" and run.statistics["steps"] == 60
+    errors = [
+        np.max(np.abs(x["B.position"].values[-1] - truth["B.position"].values[-1]))
+        for x in (run, model.simulate(1.0, method="rk4", step=1 / 180, samples=2))
+    ]
+    assert errors[0] < 1e-3 * errors[1]
 
 
 @pytest.mark.parametrize("name", ADAPTIVE)

@@ -59,7 +59,7 @@ def test_max_wall_counts_assembling_and_ends_sweeps_and_chains(monkeypatch):
         "elements": lambda limit: model.large_rotation(elements=3, revolutions=50.0, max_wall=limit),
         "speed_response": lambda limit: model.speed_response(speeds, samples=8, rtol=0.5, max_wall=limit),
         "chain": lambda limit: symgen.Chain([1.0, 1.0], [1.0, 1.0]).simulate(
-            1e5, [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]], step=1e-3, samples=10**6, max_wall=limit
+            1e5, [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]], method="rk4", step=1e-3, samples=10**6, max_wall=limit
         ),
     }
     partial = {}

@@ -142,7 +142,7 @@ def test_what_is_at_rest_without_forces_stays(name):
 
 
 def test_no_other_stabilisation(pendulum):
-    with pytest.raises(ModelError, match="stabilisation='raw' goes with explicit methods, not with rattle"):
+    with pytest.raises(ModelError, match="stabilisation=raw goes with explicit methods, not with rattle"):
         pendulum.simulate(1.0, method="rattle", step=1e-3, stabilisation="raw")
 
 

@@ -266,7 +266,7 @@ def test_runs_that_have_no_derivatives_are_refused():
             {"t_end": 1.0, "method": "radau5", "integrals": ["rod.angle"]},
             "an explicit method for integrals, got radau5",
         ),
-        ({"t_end": 1.0, "coordinates": []}, "one for each degree of freedom"),
+        ({"t_end": 1.0, "coordinates": []}, "one for each degree of freedom, got no coordinates"),
         ({"rtol": 1e-9}, "rtol is for derivatives along a run"),
         ({"t_eval": [-0.1, 1.0]}, "increasing times from 0 s"),
         ({"t_eval": []}, "t_eval, at least one"),

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from symgen.errors import ModelError
+from symgen.errors import ModelError, OptionsError
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.energies import Energies
 from symgen.runtime.beams.forces import joint_force, torque
@@ -69,7 +69,7 @@ def _end_of_run(motion: ElasticMotion, task: LargeRotation) -> float:
         check_revolutions(motion, revolutions)
         return turn(motion) * revolutions
     if task.revolutions is not None:
-        raise ModelError("give t_end or revolutions, not both")
+        raise OptionsError("give {t_end} or {revolutions}, not both")
     if not real(task.t_end, "t_end") > 0.0:
         raise ModelError(f"expected t_end above zero, got {task.t_end!r}")
     return task.t_end

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from symgen.calls import checked
-from symgen.errors import ModelError, check_known
+from symgen.errors import ModelError, OptionsError, check_known
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.causes import without_direction
@@ -248,9 +248,8 @@ class RodModel(LinkageModel):
         if not (at is None or isinstance(at, State | Equilibrium | float | int)):
             raise ModelError(f"{self.name}: expected a state, an equilibrium or a time for at, got {at!r}")
         if not along and (run_arguments := request.of_run + ["integrals"] * bool(request.integrals)):
-            raise ModelError(
-                f"{', '.join(run_arguments)} is for derivatives along a run: give t_end or t_eval, too"
-            )
+            named = ", ".join(f"{{{name}}}" for name in run_arguments)
+            raise OptionsError(f"{named} is for derivatives along a run: give {{t_end}} or {{t_eval}}, too")
         initial = [*coordinates, *(f"{name}'" for name in coordinates)] if along else []
         by = self._differentiated(request.parameters, initial)
         spectra = [name for name in dict.fromkeys(request.outputs) if name in ("frequencies", "poles")]
@@ -260,9 +259,9 @@ class RodModel(LinkageModel):
         names = tuple(dict.fromkeys([*derivatives(d, coordinates), *outputs]))
         if isinstance(at, float | int):
             if at and d.freedom:
-                raise ModelError(
-                    f"{self.name}: expected a state or an equilibrium for at, got the time {at:g} s: drives "
-                    "alone do not determine the motion\n  Give t_end (--t-end) for derivatives along the run,"
+                raise OptionsError(
+                    f"{self.name}: expected a state or an equilibrium for {{at}}, got the time {at:g} s: "
+                    "drives alone do not determine the motion\n  Give {t_end} for derivatives along the run,"
                     " or use linearise for a state-space model at this time."
                 )
             at = self.reached(at)
