@@ -156,13 +156,18 @@ def linearise(ctx: typer.Context) -> None:
 
 @analysis(
     "symgen sensitivity peaucellier --at equilibrium --outputs O.reaction",
-    "outputs parameters at stable coordinates t_end set_ as_json backend",
+    "outputs parameters at stable coordinates t_end t_eval integrals method rtol atol step max_step "
+    "set_ as_json backend",
     required="scene outputs",
     outputs=o.names("--outputs", "Outputs, such as A.position.x, or frequencies.", list[str]),
     parameters=o.names("--parameters", "Tunable parameters; default: all."),
     at=o.maybe(str, "--at", "STATE", 'start (default), equilibrium, or a time of a driven linkage, "0.3 s".'),
     coordinates=o.names("--coordinates", "Independent coordinates to hold, such as crank.angle."),
     t_end=o.maybe(float, "--t-end", "SECONDS", "Derivatives at this time [s] of the run from that state."),
+    t_eval=o.maybe(
+        list[str], "--t-eval", "TIME,...", 'Or at these times: "0.1,0.2" [s], "0.1:0.5:5" (from, to, count).'
+    ),
+    integrals=o.names("--integrals", "Outputs to integrate over the time of the run."),
 )
 def sensitivity(ctx: typer.Context) -> None:
     """Compute exact derivatives of outputs with respect to tunable parameters.
@@ -172,7 +177,12 @@ def sensitivity(ctx: typer.Context) -> None:
     """
     request = CommandRequest(ctx)
     about = _state(request)
-    request.show("sensitivity", request.result("sensitivity", **request.arguments("sensitivity"), **about))
+    arguments = request.arguments("sensitivity")
+    if "t_eval" in arguments:
+        from symgen.inspection.values import of_times
+
+        arguments["t_eval"] = of_times(arguments["t_eval"], "--t-eval")
+    request.show("sensitivity", request.result("sensitivity", **arguments, **about))
 
 
 def _state(request: CommandRequest) -> dict[str, Any]:

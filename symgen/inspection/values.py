@@ -122,17 +122,17 @@ def of_pose(_: Any, texts: Sequence[str], option: str) -> Values:
 
 
 def of_times(texts: Sequence[str], option: str, one: str = "") -> list[float]:
-    """Return times [s]; raise ModelError for other text, and for bare numbers other than 0.
+    """Return times [s]; raise ModelError for other text, and after --at for bare numbers other than 0.
 
     ``one`` is the name of accepted values where a single one is expected.
     """
     expected = f'{one or "times"} after {option}, such as "0.3 s"{"" if one else _ranges(option)}'
-    return _read(texts, (math.nan, "time"), {TIME: "time"}, expected)[0]
+    return _read(texts, (math.nan if option == "--at" else 1.0, "time"), {TIME: "time"}, expected)[0]
 
 
 def _ranges(option: str) -> str:
-    """Return the end of a list of accepted values: --at accepts ranges."""
-    return ", or FROM:TO:COUNT" if option == "--at" else ""
+    """Return the end of a list of accepted values, with ranges for options of many."""
+    return ", or FROM:TO:COUNT" if option in ("--at", "--t-eval") else ""
 
 
 def crank_speeds(text: str) -> list[float]:

@@ -26,7 +26,7 @@ def print_linearisation(linearisation: Linearisation, model: Any, console: Conso
         (name, linearisation.units[name], f"{u + 0.0:.9g}", "")
         for name, u in zip(linearisation.inputs, linearisation.u, strict=True)
     ]
-    title = f"{model.description.title}: linearised at {_state_of(linearisation)}"
+    title = f"{model.description.title}: linearised at {_state_of(linearisation, linearisation.t)}"
     console.print(table(title, ("state, input", "unit", "value", "rate"), rows, keys=2))
     for name, of, by in (
         ("A: d(dx)/dt by dx", linearisation.states, linearisation.states),
@@ -56,10 +56,10 @@ def print_linearisation(linearisation: Linearisation, model: Any, console: Conso
         console.print(f"{coordinates} coordinates, {degrees(freedoms)} of freedom: {text}")
 
 
-def _state_of(analysis: Linearisation | Sensitivity) -> str:
+def _state_of(analysis: Linearisation | Sensitivity, t: float) -> str:
     if analysis.at_equilibrium:
         return "the equilibrium"
-    return f"t = {np.ravel(analysis.t)[-1]:g} s{' of the run' * bool(np.ndim(analysis.t))}"
+    return f"t = {t:g} s{' of the run' * bool(np.ndim(analysis.t))}"
 
 
 def _without_round_off(poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -70,14 +70,15 @@ def _without_round_off(poles: NDArray[np.complex128]) -> NDArray[np.complex128]:
 
 
 def print_sensitivity(sensitivity: Sensitivity, model: Any, console: Console) -> None:
-    """Print values of outputs and their derivatives by parameters; along a run those at its end."""
-    count = len(sensitivity.outputs)
-    values = sensitivity.values.reshape(-1, count)[-1]
-    derivatives = sensitivity.derivatives.reshape(-1, count, len(sensitivity.parameters))[-1]
-    rows = [
-        (name, sensitivity.units[name], f"{value + 0.0:.9g}", *slopes)
-        for name, value, slopes in zip(sensitivity.outputs, values, derivatives.tolist(), strict=True)
-    ]
-    by = [f"by {name} [{sensitivity.units[name]}]" for name in sensitivity.parameters]
-    title = f"{model.description.title}: derivatives at {_state_of(sensitivity)}"
-    console.print(table(title, ("output", "unit", "value", *by), rows, keys=2))
+    """Print values of outputs and their derivatives by parameters, one table per time."""
+    outputs, by, times = sensitivity.outputs, sensitivity.parameters, np.atleast_1d(sensitivity.t).tolist()
+    values = sensitivity.values.reshape(-1, len(outputs))
+    derivatives = sensitivity.derivatives.reshape(-1, len(outputs), len(by))
+    columns = ("output", "unit", "value", *(f"by {name} [{sensitivity.units[name]}]" for name in by))
+    for t, at_t, slopes in zip(times, values, derivatives.tolist(), strict=True):
+        rows = [
+            (name, sensitivity.units[name], f"{value + 0.0:.9g}", *row)
+            for name, value, row in zip(outputs, at_t, slopes, strict=True)
+        ]
+        title = f"{model.description.title}: derivatives at {_state_of(sensitivity, t)}"
+        console.print(table(title, columns, rows, keys=2))
