@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from symgen.report.extremes import FEW, Components, texts
+from symgen.report.extremes import FEW, Components, texts, times
 from symgen.report.tables import MODES, table
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.result.equilibrium import Equilibrium, Modes
@@ -25,7 +25,7 @@ def print_motion(motion: Motion, _: Any, console: Console) -> None:
     outputs = Components(motion.shown, motion.count)
     if motion.count <= FEW:
         heads = [f"{x:.6g}" for x in along]
-        console.print(outputs.values(f"{motion.title}: outputs over {label}", heads))
+        console.print(outputs.values(f"{motion.title}: outputs over {label}", heads, first=times(motion)))
     else:
         span = f"{along.min():g} {unit} to {along.max():g} {unit}"
         console.print(outputs.extremes(f"{motion.title}: {motion.count} poses, {span}", along, unit))

@@ -10,6 +10,7 @@ from rich.console import Group
 
 from symgen.report.tables import table
 from symgen.runtime.result.records import Variable, columns
+from symgen.runtime.result.result import Result
 
 Array = NDArray[np.float64]
 
@@ -95,13 +96,23 @@ class Components:
         return table(title, head, rows, keys=2)
 
     def values(
-        self, title: str, heads: Sequence[str], mark: Callable[[str, int], str] = lambda name, index: ""
+        self,
+        title: str,
+        heads: Sequence[str],
+        mark: Callable[[str, int], str] = lambda name, index: "",
+        first: Sequence[tuple[str, ...]] = (),
     ) -> Group:
-        """Return a table with one column per value."""
+        """Return a table with one column per value; ``first`` are rows before the outputs."""
         rows = [
             (n, u, *(self.text(x) + mark(n, k) for k, x in enumerate(values))) for n, u, values in self.rows
         ]
-        return table(title, ("output", "unit", *heads), rows, keys=2)
+        return table(title, ("output", "unit", *heads), [*first, *rows], keys=2)
+
+
+def times(result: Result) -> list[tuple[str, ...]]:
+    """Return the row of the times of poses over an input, which a drive may pass more than once."""
+    known = result.times is not None and result.coordinate.name != "time"
+    return [("time", "s", *(f"{t:.6g}" for t in result.time))] if known else []
 
 
 def texts(unit: str, values: np.ndarray) -> list[list[str]]:

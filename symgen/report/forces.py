@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from symgen.report.extremes import FEW, Components
+from symgen.report.extremes import FEW, Components, times
 from symgen.report.tables import print_notes, table
 from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.records import columns
@@ -18,7 +18,7 @@ def print_forces(forces: Forces, _: Any, console: Console) -> None:
     """Print forces at a few poses, or the least and greatest of many and where they occur."""
     along, label = forces.over
     if len(along) <= FEW:
-        rows = [(v.name, v.unit, *v.values) for v in columns(forces.shown)]
+        rows = [*times(forces), *((v.name, v.unit, *v.values) for v in columns(forces.shown))]
         head = ("output", "unit", *(f"{x:.9g}" for x in along))
         console.print(table(f"{forces.title}: forces over {label}", head, rows, keys=2))
     else:

@@ -46,7 +46,11 @@ def test_errors_are_one_message_and_an_exit_code(entry):
     """The last of them in a process of its own too."""
     limit = ["--t-end", "20", "--max-wall", "1e-6"]
     for code, arguments, words in (
-        (2, ["simulate", "peaucellier", "--method", "rk4", "--rtol", "1e-3"], "give step instead of rtol"),
+        (
+            2,
+            ["simulate", "peaucellier", "--method", "rk4", "--rtol", "1e-3"],
+            "give --step instead of --rtol",
+        ),
         (2, ["run", "peaucellier", "--t-end", "-1"], "expected --t-end"),
         (2, ["run", "peaucellier", "--t-end", "x"], "expected a number after --t-end, got 'x'"),
         (2, ["run", "peaucellier", "--set", "rho"], "KEY=VALUE"),
@@ -130,7 +134,8 @@ def test_kinematics_at_a_few_angles_prints_every_value():
         "60",
         "90",
     ]
-    found = [float(x) for x in lines[3].split()[2:]]
+    assert [float(x) for x in lines[3].split()[2:]] == pytest.approx([0.0, 1 / 12, 1 / 6, 0.25], rel=1e-5)
+    found = [float(x) for x in lines[4].split()[2:]]
     assert found == pytest.approx([0.1, 0.1 * np.cos(np.pi / 6), 0.05, 0.0], abs=1e-6)
     assert "least" in call(*line, "--at", "0:90:13")
 
@@ -237,7 +242,7 @@ def test_options_are_shown_in_groups():
         (["forces", "crank_rocker"], "See 'symgen --help'"),
         (["simulate", "elastic_four_bar", "--method", "taylor"], "'taylor' is for rigid links"),
         (["inverse-dynamics", "four_bar"], "does not support inverse dynamics: it has more degrees"),
-        (["sensitivity", "peaucellier", "--outputs", "D.position", "--at", "1 s"], "Give t_end (--t-end)"),
+        (["sensitivity", "peaucellier", "--outputs", "D.position", "--at", "1 s"], "Give --t-end for derivatives"),
         (["simulate", "thesis_four_bar", "--method", "quasi-static"], "'symgen quasi-static thesis_four_bar'"),
         (["run", "four_bar", "--at", "30"], "--at does not apply to simulate of four_bar"),
         (["modes", "four_bar", "--at", "30"], "--at does not apply to modes of four_bar"),
@@ -299,12 +304,13 @@ acceleration = [0, "-9.81 m/s^2"]
     assert refused.exit_code and "--any is for --at equilibrium" in str(refused.exception)
 
 
-def test_derivatives_along_a_run_are_those_at_its_end(tmp_path):
+def test_derivatives_along_a_run_are_those_at_its_end(entry, tmp_path):
     """A rod without forces turns by its initial rate w: y(t) = l sin(a + w t)."""
     text = """symgen = 1
 points.O = { at = [0, 0], ground = true }
 points.P = { at = ["0.5 m", 0] }
-links.rod = { points = ["O", "P"], mass = "1 kg" }
+links.rod = { points = ["O", "P"], mass = "m" }
+parameters.m = { value = "1 kg", tunable = true }
 """
     file = tmp_path / "rod.toml"
     file.write_text(text, "utf-8")
@@ -312,6 +318,13 @@ links.rod = { points = ["O", "P"], mass = "1 kg" }
     shown = call("sensitivity", str(file), *about).splitlines()
     assert shown[0].endswith(": derivatives at t = 0.7 s of the run")
     assert [float(x) for x in shown[-1].split()[-2:]] == pytest.approx([0.5, 0.35], rel=1e-6)
+    of_run = ["--t-eval", "0.35,0.7", "--integrals", "P.position.y", "--method", "dopri5", "--rtol", "1e-8"]
+    shown = call("sensitivity", str(file), *about[:-2], *of_run).splitlines()
+    rows = [[float(x) for x in row.split()[-2:]] for row in shown if "P.position.y" in row]
+    assert np.allclose(rows, [(0.5, 0.175), (0.175, 0.030625), (0.5, 0.35), (0.35, 0.1225)], rtol=1e-5)
+    assert shown[0].endswith(": derivatives at t = 0.35 s of the run")
+    _, _, err = entry("sensitivity", str(file), "--outputs", "P.position.y")
+    assert "one for each degree of freedom, got no --coordinates" in err
 
 
 def test_tables_at_an_equilibrium_are_headed_so():
@@ -334,6 +347,21 @@ def test_poles_of_coordinates_that_constraints_couple_are_named_as_such():
     assert "4 coordinates, 1 degree of freedom: the poles include" in shown("four_bar")
     assert "do not show whether the motion is stable" in shown("crank_rocker")
     assert "freedom" not in shown("four_bar", "--coordinates", "crank.angle")
+
+
+def test_angles_of_loops_in_assembly_modes_are_within_half_a_revolution():
+    """The two modes of the RSSR at its start mirror the rocker's angle."""
+    rows = {row.split()[0]: row.split()[2:] for row in call("assemblies", "rssr").splitlines()[3:-1]}
+    assert all(abs(float(x)) <= math.pi for angles in rows.values() for x in angles)
+    assert float(rows["theta4"][0]) == pytest.approx(-float(rows["theta4"][1]), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [("press", "'symgen scenes' lists the shipped ones."), ("fourbar", "Did you mean 'four_bar'?")],
+)
+def test_unknown_scenes_have_the_nearest_name_if_one_is_near(name, hint, entry):
+    assert entry("scenes", name)[2].splitlines()[1].strip() == hint
 
 
 def test_assemblies_are_those_of_the_model():
@@ -376,12 +404,15 @@ def test_the_shell_completes_commands_and_scenes():
 @pytest.mark.parametrize(
     "arguments, words",
     [
-        (["--method", "rk4"], "give it one, such as step"),
-        (["--method", "rk4", "--step", "0.01", "--atol", "1e-9"], "give step instead of rtol and atol"),
+        (["--method", "rk4"], "give it one, such as --step 1e-3"),
+        (["--method", "rk4", "--step", "0.01", "--atol", "1e-9"], "give --step instead of --rtol and --atol"),
         (
             ["--method", "dop853", "--step", "0.01", "--rtol", "1e-6"],
-            "takes fixed steps or meets a tolerance",
+            "fixed steps have no tolerance: give --step, or --rtol and --atol, not both",
         ),
+        (["--step", "1e-3", "--rtol", "1e-6"], "symgen: fixed steps have no tolerance: give --step"),
+        (["--step", "1e-3", "--max-step", "1"], "--max-step limits the steps"),
+        (["--stabilisation-rate", "3"], "goes with --stabilisation baumgarte, not with projection"),
         (["--method", "dop583"], "Did you mean 'dop853'"),
         (["--rtol", "0"], "expected --rtol"),
         (["--rtol", "1e-20"], "tightest that float64 can meet"),

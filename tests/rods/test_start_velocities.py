@@ -182,5 +182,7 @@ def test_contradicting_velocities_name_the_constraint_and_the_remedy():
         links={"OA": {"points": ["O", "A"], "mass": "1 kg"}},
         start={"velocities": {"A": ["1 m/s", "1 m/s", "0 m/s"]}},
     )
-    with pytest.raises(SceneError, match=r"(?s)A velocity [xz] by .* m/s, the length of link OA by .* rates of links"):
+    with pytest.raises(
+        SceneError, match=r"(?s)A velocity [xz] by .* m/s, the length of link OA by .* rates of links"
+    ):
         build(scene)

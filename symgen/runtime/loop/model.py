@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from symgen.calls import checked
-from symgen.errors import CapabilityError, InitialStateError, ModelError, check_known
+from symgen.errors import CapabilityError, InitialStateError, ModelError, OptionsError, check_known
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
 from symgen.runtime.closure.assemblies import search
@@ -187,8 +187,11 @@ class LoopModel(Model):
             driven(self.description)
             t = at if over == "time" else self.kernels.time_of(at)
         names = [v.name for v in self.description.variables]
-        closures = search(self.kernels, t, begin.q).closures
-        poses = (dict(zip(names, q.tolist(), strict=True)) for q in closures)
+        closures = np.reshape(search(self.kernels, t, begin.q).closures, (-1, len(names)))
+        turning = self.kernels.periodic.copy()
+        turning[list(self.kernels.inputs)] = False  # these are as written
+        half = np.ceil(np.where(turning, closures, 0.0) / (2 * np.pi) - 0.5)  # angles in (-pi, pi]
+        poses = (dict(zip(names, q, strict=True)) for q in (closures - 2 * np.pi * half).tolist())
         return AssemblyModes(poses, "closures of loops of joints are searched from many starts")
 
     @takes(Derivatives)
@@ -230,7 +233,7 @@ class LoopModel(Model):
 
         rank = self.closed_start().rank
         if request.at is not None and not isinstance(request.at, State):
-            raise ModelError(f"{self.name} moves freely: give t_end or t_eval for derivatives along its run")
+            raise OptionsError(f"{self.name} moves freely: give {{t_end}} or {{t_eval}} for derivatives")
         start = self.initial_state() if request.at is None else request.at
         free = self._free_names
         by = self._differentiated(request.parameters, [*free, *(f"{name}'" for name in free)])

@@ -214,7 +214,9 @@ def _none(d: Description, best: Linearised, far: bool) -> SimulationError:
             f"{points}\n  Hold it: ground a point, or add a spring or a drive."
         )
     return SimulationError(
-        f"no equilibrium was found from this start: still pushed at {points}\n  Start from another pose."
+        f"no equilibrium was found from this start: still pushed at {points}\n"
+        "  Start from another pose. There may be none: a constant torque or force, such as that of a motor, "
+        "can exceed all that weights and springs balance."
     )
 
 

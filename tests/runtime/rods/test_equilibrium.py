@@ -196,6 +196,16 @@ def test_four_bar_against_the_lowest_point_of_its_coupler_curve():
     )
 
 
+def test_a_constant_torque_above_all_weights_is_named_as_a_cause():
+    """A pendulum of 1 kg and 1 m resists 4.9 N m at most."""
+    words = {"points": {"O": ground(0, 0), "A": at(0, -1)}, "links": {"rod": rod("O", "A", 1.0)}}
+    motor = symgen.Scene(
+        **words, gravity=GRAVITY, torques=[{"link": "rod", "torque": "T"}], parameters={"T": "9 N*m"}
+    )
+    with pytest.raises(SimulationError, match="There may be none: a constant torque or force"):
+        build(motor).equilibrium()
+
+
 def test_what_has_no_equilibrium_says_so():
     with pytest.raises(CapabilityError, match="the drive of link crank moves at all times"):
         build("crank_rocker").equilibrium()

@@ -202,8 +202,9 @@ def _notes(
     undivided = [k for k in assembly.names if assembly.distribution(k) is None]
     if undivided:
         yield (
-            f"how the mass is spread is not known of {', '.join(undivided)}: one element each, without "
-            "section forces (an even rod, or a section, tells it)"
+            f"no section forces of {', '.join(undivided)}: centre and inertia are not those of an even rod "
+            "(half the length, mass*length^2/12), and do not determine the distribution of mass along it; a "
+            "section of the link would"
         )
     for pose in followed.poses:
         yield _at_pose(linkage, pose)
