@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
@@ -163,7 +164,19 @@ def exported(
     names = ({kind: p.name for kind, (p, _) in parts.items()},) if parts else ()
     made = _with_method(method, cast("Exported", export(model, program, sources, *names)))
     file = Path(scene).name if isinstance(scene, str | os.PathLike) else ""
-    return replace(made, source=shlex.quote(file) if file else "")
+    changed = "".join(f" --set {shlex.quote(f'{key}={_written(x)}')}" for key, x in (set or {}).items())
+    return replace(made, source=f"{shlex.quote(file)}{changed}" if file else "")
+
+
+def _written(value: Any, inner: bool = False) -> str:
+    """Return a value after --set: text bare unless it is inside of a list or table, which are in TOML."""
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(f'{key} = {_written(x, True)}' for key, x in value.items())} }}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(_written(x, True) for x in value)}]"
+    if value is None or (isinstance(value, str) and not inner):
+        return value or "none"
+    return json.dumps(value, default=float)
 
 
 def _export_of(model: Any) -> Callable[..., Any]:

@@ -92,17 +92,7 @@ def print_elastic_result(result: ElasticResult, _: Any, console: Console) -> Non
     console.print(table("The run", ("", ""), list(_of_run(result))))
     if result.events:
         console.print(events_table(result))
-    print_notes([*result.completed()["notes"], *_of_kinetic(outputs)], console)
-
-
-def _of_kinetic(outputs: Components) -> Iterator[str]:
-    """Yield the note on negative kinetic energy of linear theory."""
-    for name, unit, values in outputs.rows:
-        if name == "kinetic_energy" and (least := np.nanmin(values)) < 0.0:
-            yield (
-                f"kinetic_energy falls to {least:.3g} {unit}: energies of linear theory are of second order "
-                "in the deflections, and negative where these are too large; compare with large rotation"
-            )
+    print_notes(result.completed()["notes"], console)
 
 
 def _of_run(result: ElasticResult) -> Iterator[tuple[str, str]]:

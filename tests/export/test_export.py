@@ -19,6 +19,7 @@ from typer.testing import CliRunner
 
 import symgen
 from symgen.cli import app
+from symgen.cli.common import changes
 from symgen.errors import CapabilityError, ModelError, ResultError
 from symgen.export import export_c
 from symgen.scene.loading import scene_path
@@ -305,6 +306,16 @@ def test_the_readme_has_every_source_and_a_command_that_exports_the_scene_again(
         assert {*folder.glob("*.c")} == named
         assert "_series(" not in (folder / f"{name}_kernel.h").read_text()
         assert f"symgen export {name} --out FOLDER" in (folder / "README.md").read_text()
+    changed = {
+        "rho": "2 kg/m",
+        "analysis.outputs": ["A.position", "energy"],
+        "gravity": {"acceleration": [0, "-1 m/s^2"]},
+    }
+    export_c("peaucellier", tmp_path / "changed", set=changed)
+    text = (tmp_path / "changed" / "README.md").read_text()
+    again = shlex.split(re.search("`symgen export (.*) --out FOLDER`", text)[1])
+    assert again[::2] == ["peaucellier", *again[2::2]] and again[1::2] == ["--set"] * 3
+    assert changes(again[2::2]) == changed
     file = tmp_path / "two rods.toml"
     shutil.copy(scene_path("vertical_rods"), file)
     export_c(file, tmp_path / "first", method="taylor")

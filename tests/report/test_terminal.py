@@ -96,6 +96,7 @@ def test_notes_on_energies_beyond_linear_theory_and_on_a_slow_method():
         print_elastic_result(result, model, console)
         text = console.file.getvalue()
         assert ("kinetic_energy falls to" in text) == found
+        assert any("kinetic_energy falls to" in note for note in result.notes) == found
         slow = re.search(r"newmark took (\d+) steps .* gauss, of order 12, takes far fewer", text)
         assert bool(slow) == found
         assert not slow or int(slow[1]) == result.statistics["steps"] > 25_600

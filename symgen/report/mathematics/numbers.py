@@ -137,7 +137,8 @@ def evaluated(
         more = ", ..." if len(missing) > _NAMED else ""
         raise ModelError(
             f"{matrix.name} contains symbols without values: {', '.join(missing[:_NAMED])}{more}\n"
-            "  Give each with --with NAME=VALUE, in SI units."
+            "  Give each with --with NAME=VALUE, in SI units; 'symgen inverse-dynamics' computes the joint "
+            "forces of a driven scene."
         )
     for (i, j), x in numbers.todok().items():
         if not (isinstance(x, sp.Number) and x.is_finite):

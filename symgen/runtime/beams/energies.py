@@ -134,6 +134,17 @@ class Energies:
                 yield Variable(name, unit, about, (), values)
 
 
+def of_kinetic(balance: Energies | None) -> list[str]:
+    """Return the note on negative kinetic energy of linear theory."""
+    least = 0.0 if balance is None else float(np.nanmin(balance.kinetic, initial=0.0))
+    if least >= 0.0:
+        return []
+    return [
+        f"kinetic_energy falls to {least:.3g} J: energies of linear theory are of second order in the "
+        "deflections, and negative where these are too large; compare with large rotation"
+    ]
+
+
 def of_angles(motion: ElasticMotion) -> list[str]:
     """Return the note that potential energy and balance of powers are omitted if loads count angles."""
     if not motion.rigid.description.windings:

@@ -22,7 +22,7 @@ from symgen.runtime.beams.checks import (
     second_order,
     warnings,
 )
-from symgen.runtime.beams.energies import Energies, energies, of_angles
+from symgen.runtime.beams.energies import Energies, energies, of_angles, of_kinetic
 from symgen.runtime.beams.forces import ElasticForces, RunMotion, accelerations_of, forces
 from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS
 from symgen.runtime.beams.modal.structure import UnstableError
@@ -316,7 +316,7 @@ class _Recorded:
     def notes(self) -> tuple[str, ...]:
         """Return remarks on the run and on where linear theory does not hold."""
         motion, task, whole = self.motion, self.task, self._moved[1]
-        d = motion.rigid.description
+        d, names = motion.rigid.description, motion.info.outputs
         notes = [
             *([] if self.spent else _of_speed(motion)),
             *_of_motor(motion, task),
@@ -330,6 +330,7 @@ class _Recorded:
             *warnings(motion, whole, moments(motion, self.times)),
             *of_second_order(self._shares),
             *of_angles(motion),
+            *(of_kinetic(self._balance) if names is None or "kinetic_energy" in names else ()),
         ]
         if task.t_eval is not None:
             notes.append(f"{SELECTED} times of t_eval only")
