@@ -12,7 +12,10 @@ from shared.loop_scenes import crank_scene, freed, guess_of
 
 import symgen
 from symgen.errors import ModelError, SimulationError
+from symgen.lowering.program import lower_system
+from symgen.models.loop.system import loop_system
 from symgen.scene.loading import shipped_scene
+from symgen.scene.resolve import resolve
 
 RTOL = 1e-10
 
@@ -84,6 +87,40 @@ def test_digits_of_quadruple_precision():
     run = model.simulate(1.0, samples=2, method="taylor", rtol=1e-31, atol=1e-33)
     assert run.drift.energy < 1e-29
     assert run.drift.constraint < 1e-31
+
+
+def test_sizes_of_a_step():
+    """Products of an order, with closure where both paths meet (250 in the first frame); evaluations of closure."""
+    scene = symgen.Scene(**freed("rssr", 0.5, 3.0))
+    (sides, _) = lower_system(loop_system(resolve(scene))).series
+    assert sides.products <= 127
+    run, _ = ended(symgen.build(scene), "taylor", RTOL, 2.0)
+    assert run.statistics["factorisations"] <= 8 * run.statistics["steps"]
+
+
+def test_the_pose_evaluated_last_is_evaluated_again_where_it_is_another():
+    """With other parameters, after another pose, and after a search, screws are those of new equations."""
+    kernels = symgen.build(symgen.Scene(**freed("rssr", 0.5, 3.0))).kernels
+    solved, q = range(kernels.description.coordinates), np.array(kernels.description.start)
+    other = kernels.parameter_values.copy()
+    other[0] += 0.1
+
+    def new(parameters, q):
+        screws, defect = kernels.at(parameters).equations(solved, 6).closed_screws(0.0, q)
+        return *screws.ravel(), defect
+
+    equations = kernels.equations(solved, 6)
+
+    def again(q):
+        screws, defect = equations.closed_screws(0.0, q)
+        return *screws.ravel(), defect
+
+    assert again(q) == again(q) == new(kernels.parameter_values, q)
+    assert again(q + 0.1) == new(kernels.parameter_values, q + 0.1) != again(q)
+    equations.set_parameters(other)
+    assert again(q) == new(other, q) != new(kernels.parameter_values, q)
+    equations.assemble(0.0, np.append(q + 0.2, 0.0))
+    assert again(q) == new(other, q)
 
 
 def test_what_has_no_series_says_so():

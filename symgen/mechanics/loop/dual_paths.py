@@ -211,6 +211,15 @@ class Paths:
             back.append(self._named(seen - of_joint, ACCELERATION, f"{label}{m.name}", m))
         return [*outward, *reversed(back)]
 
+    def parting(self, second: Sequence[sp.Expr], accelerations: Sequence[DualVector]) -> DualVector:
+        """Return the second rate of closure: accelerations of the outward path less those of the other.
+
+        It is the sum of $ q'' + [V, $] q' in the frame where both paths meet, zero along a motion.
+        """
+        m, before = self.motions[self.meet], self.velocities[self.meet]
+        of_joint = m.screw * m.rate(second) + before.cross(m.screw * m.rate(self.rates))
+        return accelerations[self.meet] + of_joint - m.matrix.times(accelerations[self.meet + 1])
+
     def screw_rates(self) -> list[DualVector]:
         """Return the rate [V, $] of every motion's screw, in the first frame.
 

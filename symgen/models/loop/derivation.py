@@ -12,6 +12,7 @@ from symgen.mechanics.loop.dual_euler import BodyMotion, Inertia, joint_wrenches
 from symgen.mechanics.loop.dual_paths import NOTHING, WRENCH, Paths
 from symgen.mechanics.loop.dual_rows import Frame, JointMotion, motions
 from symgen.scene.loop.loop import Loop, LoopLoad, Row
+from symgen.scene.rods.linkage import TIME
 from symgen.symbolic.dual import DualVector, Triple
 from symgen.symbolic.names import Names
 from symgen.symbolic.quantity import Quantity, quantity
@@ -158,6 +159,18 @@ class LoopDerivation:
         """The known efforts, zero where one is to be found."""
         return [_ZERO if v.effort is None else v.effort for v in self.variables]
 
+    @property
+    def residual(self) -> list[sp.Expr]:
+        """What vanishes along a free motion: efforts, for inputs their accelerations, and closure.
+
+        Closure is that where both paths meet: it takes half of the products of closure in the first frame.
+        """
+        rows = [
+            given - effort if v.role != "input" else jet(v.motion)[2] - v.acceleration.symbol
+            for v, given, effort in zip(self.variables, self.given_efforts, self.joints[1], strict=True)
+        ]
+        return [*rows, *-self.paths.parting(self.second, self._from_free_fall).column]
+
     @cached_property
     def mass_matrix(self) -> list[list[sp.Expr]]:
         """Derivative of the inverse efforts by the accelerations, one column for each of them.
@@ -236,6 +249,13 @@ class LoopDerivation:
     def variable(self, name: str) -> int | None:
         """Return the number of a variable, if there is one of this name."""
         return next((j for j, v in enumerate(self.variables) if v.name == name), None)
+
+
+def jet(motion: sp.Expr) -> list[sp.Expr]:
+    """Return value, rate and acceleration of a prescribed motion."""
+    t = TIME.symbol
+    rate = sp.diff(motion, t)
+    return [motion, rate, sp.diff(rate, t)]
 
 
 def entries(row: Row) -> tuple[sp.Expr, sp.Expr, sp.Expr, sp.Expr, sp.Expr]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import sympy as sp
@@ -11,7 +11,7 @@ from symgen.errors import SceneError
 from symgen.mechanics.sources import LOOP, row_source
 from symgen.models.limits import limits_of
 from symgen.models.loop import outputs as loop_outputs
-from symgen.models.loop.derivation import DUAL, PLACED, REFERENCE, LoopDerivation, entries, named
+from symgen.models.loop.derivation import DUAL, PLACED, REFERENCE, LoopDerivation, entries, jet, named
 from symgen.scene.loop.loop import ENTRIES, Loop
 from symgen.scene.rods.linkage import TIME
 from symgen.symbolic.dual import DualVector
@@ -43,7 +43,7 @@ def loop_system(loop: Loop) -> System:
     steps = _steps(model, "mass" in needs)
     switches = _switches(loop)
     if free:
-        dynamics.append(_residual(model, {m.name: m.matrix for m in motion}))
+        dynamics.append(_residual(model))
     derived = {m.name for m in (*motion, *dynamics)}
     _check_names(model, {*derived, *loop_outputs.OF_THE_WHOLE, *(m.name for m in steps)})
     limits, kernel_of_limits = limits_of(loop)
@@ -112,7 +112,7 @@ def _motion(model: LoopDerivation, forces: bool) -> tuple[list[NamedMatrix], lis
         matrices.append(
             named(
                 "inputs",
-                sp.Matrix([row for v in inputs for row in [_jet(v.motion)]]),
+                sp.Matrix([row for v in inputs for row in [jet(v.motion)]]),
                 ", ".join(x.unit for v in inputs for x in (v.quantity, v.rate, v.acceleration)),
                 "prescribed motions: value, rate, acceleration",
                 [v.name for v in inputs],
@@ -135,9 +135,16 @@ def _motion(model: LoopDerivation, forces: bool) -> tuple[list[NamedMatrix], lis
         named("closure_jacobian", exact, "1, m", f"{about}: exact also where it is open", _SCREW, names),
         named("screws", screws, "1, m", f"{about}, by the shorter way", _SCREW, names),
     ]
-    exports.append(
-        Export("position", "closure defect and its derivative", ("closure_defect", "closure_jacobian"))
-    )
+    position = ["closure_defect", "closure_jacobian"]
+    if model.loop.having("free"):
+        meeting, where = (
+            paths.frames[paths.meet],
+            "frame where both paths meet, in the first: axes and origin",
+        )
+        placed = meeting.turn.row_join(sp.Matrix(meeting.origin))
+        matrices.append(named("meeting_frame", placed, "1, m", where, "xyz", PLACED))
+        position.append("meeting_frame")
+    exports.append(Export("position", "closure defect and its derivative", tuple(position)))
     moving = ["screws", "screw_drift"]
     rates = paths.columns(paths.screw_rates(), count)
     matrices += [
@@ -169,13 +176,6 @@ def _switches(loop: Loop) -> NamedMatrix | None:
     gaps = sp.Matrix([s.gap for s in loop.switches])
     about = f"values zero at {'; '.join(s.text for s in loop.switches)}"
     return named("switches", gaps, "1", about, [s.branch.name for s in loop.switches])
-
-
-def _jet(motion: sp.Expr) -> list[sp.Expr]:
-    """Return value, rate and acceleration of a prescribed motion."""
-    t = TIME.symbol
-    rate = sp.diff(motion, t)
-    return [motion, rate, sp.diff(rate, t)]
 
 
 def _dynamics(model: LoopDerivation, free: bool) -> tuple[list[NamedMatrix], list[Export]]:
@@ -221,19 +221,14 @@ def _dynamics(model: LoopDerivation, free: bool) -> tuple[list[NamedMatrix], lis
     return matrices, exports
 
 
-def _residual(model: LoopDerivation, motion: Mapping[str, sp.ImmutableMatrix]) -> NamedMatrix:
+def _residual(model: LoopDerivation) -> NamedMatrix:
     """Return what vanishes along a free motion with its accelerations and its closing wrench."""
-    rows = [
-        given - effort if v.role != "input" else _jet(v.motion)[2] - v.acceleration.symbol
-        for v, given, effort in zip(model.variables, model.given_efforts, model.joints[1], strict=True)
-    ]
-    closure = motion["screws"] * sp.Matrix(model.second) + motion["screw_drift"]
     return named(
         "motion_residual",
-        sp.Matrix([*rows, *-closure]),
+        sp.Matrix(model.residual),
         "N*m, N, rad/s^2, m/s^2",
         "vanishes in a free motion: known less needed efforts, prescribed less actual accelerations of "
-        "inputs, and accelerations of closure, negative",
+        "inputs, and accelerations of closure in the frame where both paths meet, negative",
         (*(v.name for v in model.variables), *_SCREW),
     )
 

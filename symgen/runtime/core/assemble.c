@@ -29,6 +29,7 @@ static real missing(struct loop *l, real t, const real *q, real *b) {
     const long n = l->sizes.n;
     const real *e = l->screws;
     real total = 0;
+    l->revision = 0;
     l->kernels.position(&t, q, l->u, l->base.p, l->work, l->screws);
     const real p[3] = {e[3], e[7], e[11]};
     for (int i = 0; i < 12; i++)

@@ -390,5 +390,5 @@ static void accept(struct run *run) {
 
 const struct kind beam_kind = {
     "beam_steps", "stages", "at gamma beta inertia rate place a aa b ba c", 1, bytes, numbers, bind, begin, step, finish,
-    prepare, interpolate, accept, NULL, NULL, NULL,
+    prepare, interpolate, accept, NULL, NULL, NULL, NULL,
 };

@@ -416,5 +416,5 @@ static void accept(struct run *run) {
 
 const struct kind collocation_kind = {
     "collocation", "stages", "a aa b ba c eigenvalues vectors inverse powers", 1, bytes, numbers, bind, begin, step, finish,
-    prepare, interpolate, accept, NULL, NULL, NULL,
+    prepare, interpolate, accept, NULL, NULL, NULL, NULL,
 };

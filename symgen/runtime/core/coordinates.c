@@ -12,7 +12,11 @@ static void begin_again(struct run *run) {
 int rewritten(struct run *run, real h) {
     struct equations *e = run->e;
     for (int k = 1; e->sizes.choices && k <= SWITCH_PROBES / 2; k++) {
-        hermite(run, h, R(2 * k) / R(SWITCH_PROBES), run->stage);
+        const real part = R(2 * k) / R(SWITCH_PROBES);
+        if (run->scheme.kind->places)
+            run->scheme.kind->places(run, part * h, run->stage);
+        else
+            hermite(run, h, part, run->stage);
         if (e->of->rewrite(e, run->stage, run->y, 0)) {
             begin_again(run);
             if (run->scheme.adaptive)

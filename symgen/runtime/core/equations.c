@@ -57,6 +57,7 @@ void set_up_with(kernel setup, long parameters, real *p) {
 }
 
 void set_up(struct equations *e) {
+    e->revision++;
     e->p[e->sizes.parameters + e->sizes.derived] = R(e->sizes.rank_tolerance);
     copy(e->p, e->sizes.parameters, e->tangent_p);
     set_up_with(e->kernels.setup, e->sizes.parameters, e->p);

@@ -152,6 +152,7 @@ struct equations {
     struct sizes sizes;
     long n, m, extra, dim;
     double finest;           /* the absolute tolerance of the run; 0 if the run has none */
+    long revision;           /* counts changes of parameters and of the memory: what was computed before is void */
     size_t bytes;            /* of the memory below */
     struct account *account; /* at the start of that memory, which contains no pointers */
     real *p;                 /* parameters, and behind them the results of `setup` */

@@ -135,5 +135,5 @@ static void accept(struct run *run) {
 
 const struct kind explicit_kind = {
     "explicit", EXPLICIT_COUNTS, EXPLICIT_ARRAYS, 0, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept,
-    NULL, NULL, NULL,
+    NULL, NULL, NULL, NULL,
 };

@@ -12,7 +12,7 @@
 
 /* Reals for the work and the results of any kernel. */
 static long room(const struct loop_sizes *s) {
-    const long n = s->n, wanted[] = {n + ROWS, s->out_size, 2 * ROWS * n + 12, n + n * n};
+    const long n = s->n, wanted[] = {n + ROWS, s->out_size, 2 * ROWS * n + 24, n + n * n};
     long most = s->work;
     for (size_t i = 0; i < sizeof wanted / sizeof *wanted; i++)
         if (wanted[i] > most)
@@ -117,8 +117,22 @@ static void enter(struct loop *l) {
     l->seen->closure = (double)l->closure;
 }
 
+/* The pose evaluated last. A step evaluates its end several times: where it is projected, where it is continued from,
+   and where its error is measured. */
+static void keep_pose(struct loop *l, real t, const real *q) {
+    l->revision = l->base.revision, l->t = t;
+    memcpy(l->at, q, (size_t)l->sizes.n * sizeof(real));
+}
+
+static int is_kept(const struct loop *l, real t, const real *q) {
+    return l->revision == l->base.revision && l->t == t && memcmp(l->at, q, (size_t)l->sizes.n * sizeof(real)) == 0;
+}
+
 real loop_evaluate(struct loop *l, real t, const real *q) {
-    evaluate_screws(l, t, q);
+    if (!is_kept(l, t, q)) {
+        evaluate_screws(l, t, q);
+        keep_pose(l, t, q);
+    }
     enter(l);
     return l->closure;
 }
@@ -132,8 +146,11 @@ int loop_close(struct loop *l, real t, real *q) {
     const int is_closed = any(closed_by_newton(l, 1, t, q, l->follows, &regular));
     enter(l);
     l->seen->iterations = l->iterations;
-    if (is_closed)
+    l->revision = 0;
+    if (is_closed) {
+        keep_pose(l, t, q);
         return DONE;
+    }
     return !real_isfinite(l->closure) ? NOT_FINITE : any(regular) ? OPEN : SINGULAR;
 }
 

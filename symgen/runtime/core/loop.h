@@ -18,8 +18,8 @@ enum loop_status { OPEN = 20, INCONSISTENT, POLE, RATES_UNDETERMINED };
 /* Kernels of a loop; absent kernels are NULL. `position` is needed. */
 struct loop_kernels {
     kernel inputs;      /* out = (value, rate, acceleration) of every input */
-    kernel position;    /* out = closure transform (3 x 4) less the identity, then the screws of all variables (6 x n)
-                           */
+    kernel position;    /* out = closure transform (3 x 4) less the identity, then the screws of all variables (6 x n);
+                           of a free motion, then the meeting frame (3 x 4): closure is in it in `series` */
     kernel motion;      /* out = screws, then the drift of the accelerations */
     kernel inverse;     /* out = efforts required by the motion in work, one per variable; if any is free, then inertia
                            (n x n) */
@@ -69,6 +69,8 @@ struct loop {
     double soundest; /* largest least pivot over the first one so far in a run */
     const struct ball *balls;
     struct qr factor;
+    long revision; /* of the equations at the last evaluation, at the pose `at`: 0 if there is none */
+    real t, at[MOST];
     wide closure, soundness, hold; /* of the last pose, before they enter the accounts */
     long iterations, looks;
     wide *p, *scale, *screws, *matrix, *prescribed, *efforts, *loads, *work;

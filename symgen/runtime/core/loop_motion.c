@@ -137,12 +137,82 @@ static void accelerate_loop(struct equations *e, real t, const real *y) {
     loop_hold(l, b, a + n);
 }
 
+/* Write the unit screws of the meeting frame, about its axes and along them, in the first frame: the columns of 6 x 6. */
+static void units_of_meeting(const struct loop *l, real *units) {
+    const real *frame = l->screws + 12 + ROWS * l->sizes.n;
+    for (int c = 0; c < 3; c++)
+        for (int i = 0; i < 3; i++) {
+            const int j = (i + 1) % 3, k = (i + 2) % 3;
+            const real axis = frame[4 * i + c];
+            units[ROWS * i + c] = units[ROWS * (3 + i) + 3 + c] = axis;
+            units[ROWS * i + 3 + c] = 0;
+            units[ROWS * (3 + i) + c] = frame[4 * j + 3] * frame[4 * k + c] - frame[4 * k + 3] * frame[4 * j + c];
+        }
+}
+
+/* Write the changes of all variables that close unit errors of closure, n rows of ROWS; times efforts, transposed, they are
+   the closing wrench: its moment, then its force. */
+static void closing_changes(struct loop *l, real *changes) {
+    memset(changes, 0, (size_t)(ROWS * l->sizes.n) * sizeof(real));
+    for (long c = 0; c < ROWS; c++) {
+        real b[ROWS] = {0}, x[MOST];
+        b[c] = 1;
+        loop_solve(l, b, x);
+        for (long k = 0; k < l->sizes.solved; k++)
+            changes[ROWS * l->solved[k] + c] = x[k];
+    }
+}
+
+/* As loop_answer, with these changes. */
+static void answer_with(const struct loop *l, const real *changes, real *answer) {
+    const long n = l->sizes.n, d = l->free, row = ROWS + n;
+    real push[MOST * (ROWS + MOST)], found[MOST * (ROWS + MOST)];
+    memset(answer, 0, (size_t)(n * row) * sizeof(real));
+    for (long j = 0; j < n; j++)
+        for (int c = 0; c < ROWS; c++)
+            answer[row * j + c] = -changes[ROWS * j + c];
+    multiply_dense(n, n, row, inertia_of(l), n, answer, push);
+    for (long j = 0; j < n; j++)
+        push[row * j + ROWS + j] = 1;
+    multiply_dense(d, n, row, l->basis, n + 1, push, found);
+    for (long c = 0; c < row; c++) {
+        real x[MOST];
+        for (long i = 0; i < d; i++)
+            x[i] = found[row * i + c];
+        solve_positive(d, l->reduced, x);
+        for (long i = 0; i < d; i++)
+            found[row * i + c] = x[i];
+    }
+    for (long i = 0; i < d; i++)
+        for (long j = 0; j < n; j++)
+            add_multiple(row, -l->basis[(n + 1) * i + j], found + row * i, answer + row * j);
+}
+
+void loop_answer(struct loop *l, real *answer) {
+    real changes[MOST * ROWS];
+    closing_changes(l, changes);
+    answer_with(l, changes, answer);
+}
+
+/* Write the accelerations (n) due to a unit acceleration of input c, by the answer. */
+static void of_input(const struct loop *l, const real *answer, long c, long stride, real *a) {
+    const long n = l->sizes.n;
+    for (long j = 0; j < n; j++, a += stride, answer += ROWS + n) {
+        *a = j == c;
+        for (int i = 0; i < ROWS; i++)
+            *a += answer[i] * l->screws[12 + n * i + c];
+        for (long k = 0; k < n; k++)
+            *a += answer[ROWS + k] * inertia_of(l)[n * k + c];
+    }
+}
+
 /* Write the inverse of the matrix of accelerations and closing wrench to e->factors, column by column. Its rows are the
-   efforts of variables, for inputs their accelerations, and the accelerations of closure. */
+   efforts of variables, for inputs their accelerations, and the accelerations of closure in the meeting frame. */
 static int invert_loop(struct equations *e, real t, const real *y) {
     struct loop *l = of(e);
-    const long n = l->sizes.n, d = l->free;
-    real *a = e->factors, *found = l->reduced + d * d, *left = l->efforts, *change = l->step;
+    const long n = l->sizes.n, row = ROWS + n;
+    real changes[MOST * ROWS], turned[ROWS * MOST], units[ROWS * ROWS], wrenches[ROWS * (ROWS + MOST)];
+    real answer[MOST * (ROWS + MOST)], a[MOST * (ROWS + MOST)], left[MOST * (ROWS + MOST)];
     const int status = factorise_loop(e, t, y);
     if (status != DONE)
         return status;
@@ -153,79 +223,32 @@ static int invert_loop(struct equations *e, real t, const real *y) {
     reduce(l);
     if (!balance(l))
         return NOT_FINITE;
-    for (long c = 0; c < n + ROWS; c++, a += n + ROWS) {
-        real b[MOST] = {0}, x[MOST];
-        memset(a, 0, (size_t)n * sizeof(real));
-        memset(left, 0, (size_t)n * sizeof(real));
-        if (c >= n)
-            b[c - n] = 1;
-        else
-            left[c] = 1;
-        for (long k = 0; k < l->sizes.inputs; k++)
-            if (l->driven[k] == c)
-                for (int i = 0; i < ROWS; i++)
-                    b[i] -= l->screws[12 + n * i + c], a[c] = 1;
-        if (c >= n || a[c] != 0) {
-            loop_solve(l, b, x);
-            for (long k = 0; k < l->sizes.solved; k++)
-                a[l->solved[k]] = x[k];
-        }
-        memcpy(change, a, (size_t)n * sizeof(real));
-        for (int again = 0; again < 2; again++) {
-            for (long i = 0; i < n; i++)
-                for (long j = 0; j < n; j++)
-                    left[i] -= inertia_of(l)[n * i + j] * change[j];
-            if (again)
-                break;
-            for (long i = 0; i < d; i++) {
-                found[i] = 0;
-                for (long j = 0; j < n; j++)
-                    found[i] += l->basis[(n + 1) * i + j] * left[j];
-            }
-            solve_positive(d, l->reduced, found);
-            memset(change, 0, (size_t)n * sizeof(real));
-            for (long i = 0; i < d; i++)
-                for (long j = 0; j < n; j++)
-                    change[j] += l->basis[(n + 1) * i + j] * found[i];
-            for (long j = 0; j < n; j++)
-                a[j] += change[j];
-        }
-        for (long k = 0; k < l->sizes.solved; k++)
-            b[k] = left[l->solved[k]];
-        loop_hold(l, b, a + n);
+    closing_changes(l, changes);
+    answer_with(l, changes, answer);
+    units_of_meeting(l, units);
+    multiply_dense(n, ROWS, ROWS, answer, row, units, left);
+    for (long j = 0; j < n; j++) {
+        for (long c = 0; c < n; c++)
+            a[row * j + c] = -answer[row * j + ROWS + c];
+        for (int c = 0; c < ROWS; c++)
+            a[row * j + n + c] = -left[ROWS * j + c], turned[n * c + j] = changes[ROWS * j + (c + 3) % ROWS];
+    }
+    for (long k = 0; k < l->sizes.inputs; k++)
+        of_input(l, answer, l->driven[k], row, a + l->driven[k]);
+    multiply_dense(n, n, row, inertia_of(l), n, a, left);
+    for (long i = 0; i < n * row; i++)
+        left[i] = -left[i];
+    for (long j = 0; j < n; j++)
+        left[row * j + j] += 1;
+    multiply_dense(ROWS, n, row, turned, n, left, wrenches);
+    for (long c = 0; c < row; c++) {
+        real *column = e->factors + row * c;
+        for (long j = 0; j < n; j++)
+            column[j] = a[row * j + c];
+        for (int i = 0; i < ROWS; i++)
+            column[n + i] = wrenches[row * i + c];
     }
     return DONE;
-}
-
-void loop_answer(struct loop *l, real *answer) {
-    const long n = l->sizes.n, d = l->free, row = ROWS + n;
-    memset(answer, 0, (size_t)(n * row) * sizeof(real));
-    for (long c = 0; c < row; c++) {
-        real b[ROWS] = {0}, x[MOST], *change = l->step, *push = l->efforts, *found = l->reduced + d * d;
-        memset(change, 0, (size_t)n * sizeof(real));
-        memset(push, 0, (size_t)n * sizeof(real));
-        if (c < ROWS) {
-            b[c] = R(-1);
-            loop_solve(l, b, x);
-            for (long k = 0; k < l->sizes.solved; k++)
-                change[l->solved[k]] = x[k];
-            multiply_dense(n, n, 1, inertia_of(l), n, change, push);
-        } else {
-            push[c - ROWS] = 1;
-        }
-        for (long i = 0; i < d; i++) {
-            found[i] = 0;
-            for (long j = 0; j < n; j++)
-                found[i] -= l->basis[(n + 1) * i + j] * push[j];
-        }
-        solve_positive(d, l->reduced, found);
-        for (long k = 0; k < l->sizes.solved; k++) {
-            const ptrdiff_t j = l->solved[k];
-            for (long i = 0; i < d; i++)
-                change[j] += l->basis[(n + 1) * i + j] * found[i];
-            answer[j * row + c] = change[j];
-        }
-    }
 }
 
 /* The rate of closure (6) due to rates v of all variables, with the last screws. */

@@ -11,8 +11,8 @@ static double soundness(struct run *run, real t, real t_new) {
     const real *y0 = last ? run->y : run->y_old, *y1 = last ? run->y_new : run->y;
     const real *u0 = y0 + run->e->n, *u1 = y1 + run->e->n;
     memcpy(run->error, y1, (size_t)run->dim * sizeof(real));
-    if (last && run->scheme.kind->longest)
-        run->scheme.kind->interpolate(run, h, x, run->error);
+    if (last && run->scheme.kind->places)
+        run->scheme.kind->places(run, x * h, run->error);
     else
         for (long i = 0; i < run->e->n; i++)
             run->error[i] = y0[i] + x * x * (R(3) - R(2) * x) * (y1[i] - y0[i])

@@ -343,5 +343,5 @@ static int valid(const struct run *run) {
 
 const struct kind rattle_kind = {
     "rattle", "parts", "side", 1, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept,
-    valid, NULL, NULL,
+    valid, NULL, NULL, NULL,
 };

@@ -76,6 +76,7 @@ void run_bind(struct run *run, struct equations *e, const struct scheme *scheme,
               void *memory) {
     run->e = e, run->given = scheme, run->task = *task, run->dim = e->dim;
     run->bytes = place(run, memory);
+    e->revision++; /* the memory may have been restored */
     bind_method(run);
     e->finest = run->scheme.adaptive ? task->atol : 0.0;
 }

@@ -101,6 +101,8 @@ struct kind {
        the part of this time, and behind them its rate at y_new; return the degree, or -1 if those of an event or of a
        switching point are not within the tolerance. NULL without series; only for models with sizes.series_watched. */
     long (*polynomial)(const struct run *run, long i, real h, real *c);
+    /* Write the coordinates of `interpolate` alone, a time h after y; NULL: a cubic is near enough. */
+    void (*places)(const struct run *run, real h, real *q);
 };
 
 

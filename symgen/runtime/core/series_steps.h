@@ -48,19 +48,31 @@ static inline void rates_of_series(const struct series *s, const wide *y, wide *
     }
 }
 
+/* Write the coordinates a time h after y. */
+static inline void places_of_series(const struct series *s, wide h, wide *q) {
+    for (ptrdiff_t i = 0; i < s->n; i++) {
+        const wide *c = s->rows + s->order * s->row + i;
+        wide place = *c;
+        for (long k = s->order; k > 0; k--)
+            c -= s->row, place = place * h + *c;
+        q[i] = place;
+    }
+}
+
 /* Write the state a time h after y; its accelerations and the power behind them to `changes`. */
 static inline void state_of_series(const struct series *s, wide h, wide *y, wide *changes) {
     const ptrdiff_t n = s->n;
-    for (ptrdiff_t i = 0; i < n; i++)
-        y[i] = s->rows[s->order * s->row + i], y[n + i] = changes[i] = all(0);
-    for (long k = s->order - 1; k >= 0; k--)
-        for (ptrdiff_t i = 0; i < n; i++) {
-            changes[i] = changes[i] * h + y[n + i];
-            y[n + i] = y[n + i] * h + y[i];
-            y[i] = y[i] * h + s->rows[k * s->row + i];
+    for (ptrdiff_t i = 0; i < n; i++) {
+        const wide *c = s->rows + s->order * s->row + i;
+        wide place = *c, rate = all(0), change = all(0);
+        for (long k = s->order; k > 0; k--) {
+            c -= s->row;
+            change = change * h + rate;
+            rate = rate * h + place;
+            place = place * h + *c;
         }
-    for (ptrdiff_t i = 0; i < n; i++)
-        changes[i] *= R(2);
+        y[i] = place, y[n + i] = rate, changes[i] = R(2) * change;
+    }
     if (s->work >= 0) {
         const wide *work = s->rows + s->work;
         wide sum = work[s->order * s->row], rate = all(0);

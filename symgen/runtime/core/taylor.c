@@ -263,6 +263,11 @@ static void interpolate(struct run *run, real h, real theta, real *y) {
     evaluate(run, theta * h, y);
 }
 
+static void places(const struct run *run, real h, real *q) {
+    const struct series s = series_of(run, *taylor_of(run).present);
+    places_of_series(&s, h, q);
+}
+
 static void accept(struct run *run) {
     long *present = taylor_of(run).present;
     *present = 1 - *present;
@@ -277,5 +282,5 @@ static int valid(const struct run *run) {
 
 const struct kind taylor_kind = {
     "taylor", "order", "", 0, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept, valid, longest,
-    polynomial,
+    polynomial, places,
 };
