@@ -103,7 +103,7 @@ def run(
                 return repeated(chosen.otherwise, keeping)
             raise
     status, wall = drive(stepper, t0, chosen, progress, checkpoints)
-    if chosen.otherwise and status not in (_core.DONE, _core.ENDED, OUT_OF_TIME, _core.DRIFTED):
+    if chosen.otherwise and fails(status):
         return repeated(chosen.otherwise, keeping and replace(keeping, resume=None))
     if evaluator.description.switches or evaluator.description.windings:
         # Samples are evaluated with the loads' own branches.
@@ -116,6 +116,11 @@ def run(
         time=stepper.t,
         partial=result if stepper.recorded else None,
     )
+
+
+def fails(status: int) -> bool:
+    """Return whether a run with this status cannot continue, but might by another method."""
+    return status not in (_core.DONE, _core.ENDED, OUT_OF_TIME, _core.DRIFTED)
 
 
 def equations_of(

@@ -357,7 +357,7 @@ class LoopModel(Model):
 
     @takes(RunArguments)
     def _simulate(self, request: RunArguments) -> Result:
-        chosen = _of_loops(request.options(self.description.t_end, self._type))
+        chosen = _of_loops(request.options(self.description.t_end, self._type, series=self._series))
         if chosen.stabilisation == "baumgarte":
             raise ModelError("baumgarte is for linkages of points and links: loops take projection, or raw")
         keeping = request.keeping()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from symgen.errors import SimulationError
+from symgen.errors import ResultError, SimulationError
 from symgen.runtime import _core, _loop
 from symgen.runtime.arrays import Array
 from symgen.runtime.closure.mobility import scaled_screws
@@ -17,7 +17,7 @@ from symgen.runtime.integrate.checkpoint import CheckpointOptions, RunCheckpoint
 from symgen.runtime.integrate.failures import of_sliding, unfinished, with_cause
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.pace import OUT_OF_TIME, Progress, out_of_time
-from symgen.runtime.integrate.simulate import check_end, drive, sample_times, stepper_of
+from symgen.runtime.integrate.simulate import check_end, drive, fails, sample_times, stepper_of
 from symgen.runtime.integrate.stepper import Stepper
 from symgen.runtime.kernels.typed import library_of_runs
 from symgen.runtime.loop.ball_poles import ball_pole, in_other_angles
@@ -64,6 +64,8 @@ def run(
 ) -> Result:
     """Integrate from a start and return the result, at times ``t_eval`` where these are given.
 
+    A run by a default method that cannot continue is repeated with the options ``chosen.otherwise``.
+
     Raises
     ------
     SimulationError
@@ -73,6 +75,10 @@ def run(
     """
     t0 = start.pose.t
     check_end(t0, chosen)
+
+    def repeated(options: Options, keeping: CheckpointOptions | None) -> Result:
+        return run(kernels, start, options, progress, keeping, t_eval)
+
     equations, y0 = begun(kernels, start)
     times = sample_times(t0, chosen, t_eval)
     stepper = stepper_of(equations, chosen, t0, y0, times)
@@ -81,8 +87,15 @@ def run(
     if keeping is not None:
         more = () if t_eval is None else (times.tolist(),)
         mark = mark_of(kernels, library, equations, chosen, t0, y0, *more)
-        checkpoints = RunCheckpoints(stepper, mark, keeping)
+        try:
+            checkpoints = RunCheckpoints(stepper, mark, keeping)
+        except ResultError:  # it may be of the other method
+            if chosen.otherwise:
+                return repeated(chosen.otherwise, keeping)
+            raise
     status, wall = drive(stepper, t0, chosen, progress, checkpoints)
+    if chosen.otherwise and fails(status):
+        return repeated(chosen.otherwise, keeping and replace(keeping, resume=None))
     result = Result._later(LoopRecording(kernels, equations, stepper, chosen, wall, library))
     if status == _core.DONE:
         return result

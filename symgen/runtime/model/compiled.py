@@ -14,9 +14,9 @@ from symgen.errors import ModelError, RangeError, nearest
 from symgen.precision import FLOAT64, Precision
 from symgen.runtime.kernels.arguments import real
 from symgen.runtime.kernels.description import Described
-from symgen.runtime.kernels.library import Library
+from symgen.runtime.kernels.library import SERIES, Library
 from symgen.runtime.kernels.limits import refusals
-from symgen.runtime.kernels.typed import Typed
+from symgen.runtime.kernels.typed import Typed, library_of_runs
 
 if TYPE_CHECKING:
     from symgen.runtime.kernels.batch import Batch, Rows
@@ -166,6 +166,11 @@ class Compiled:
     @property
     def _type(self) -> Precision:
         return self.number_type.precision if self.number_type else FLOAT64
+
+    @property
+    def _series(self) -> bool:
+        """Whether its runs may take power series."""
+        return SERIES in library_of_runs(self.library, self.number_type).addresses
 
     def _in_type(self, t: float, q: Any, u: Any, solution: Any) -> Any:
         """Return accelerations and multipliers in the model's own type, if that is not float64."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from shared.linkages import at, ground
+from shared.loop_scenes import freed
 
 import symgen
 from symgen.errors import ModelError, SimulationError
@@ -28,6 +29,23 @@ def method_of(model, **options):
 )
 def test_by_tolerance(options, method):
     assert method_of(symgen.build("four_bar"), **options) == method
+
+
+def test_of_loops():
+    """Where the power series of a loop end, another method repeats the run: the message has its number of steps."""
+    tables, options = freed("rssr", 0.5, 3.0), {"t_end": 0.1, "rtol": 1e-10}
+    model = symgen.build(symgen.Scene(**tables))
+    assert method_of(model, t_end=0.1) == "dop853"
+    assert method_of(model, **options) == "taylor"
+    assert method_of(symgen.build(symgen.Scene(**tables), backend="numpy"), **options) == "dop853"
+    tables["parameters"]["c"] = "0.1 N*m"
+    tables["loop"]["drives"] = {"theta1": "c*((theta1 - 0.8)**4)**0.3"}
+    model, messages = symgen.build(symgen.Scene(**tables)), []
+    for method in ("taylor", "dop853", None):
+        with pytest.raises(SimulationError, match="the step became too small") as failed:
+            model.simulate(method=method, **options)
+        messages.append(str(failed.value))
+    assert messages[0] != messages[1] == messages[2]
 
 
 def test_only_compiled_kernels_have_series():
@@ -85,7 +103,13 @@ def test_neither_method_reaches_the_end():
 
 
 @pytest.mark.parametrize(
-    ("scene", "method"), [("four_bar", "taylor"), ("parallelogram", "taylor"), (through_a_spring(), "dop853")]
+    ("scene", "method"),
+    [
+        ("four_bar", "taylor"),
+        ("parallelogram", "taylor"),
+        (through_a_spring(), "dop853"),
+        (symgen.Scene(**freed("rssr", 0.5, 3.0)), "taylor"),
+    ],
 )
 def test_resumed(scene, method, tmp_path):
     """By the method of the checkpoint; parallelogram takes steps of both near its losses of rank."""

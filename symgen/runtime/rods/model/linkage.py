@@ -17,8 +17,7 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.pace import uncounted
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.kernels.library import SERIES, Library
-from symgen.runtime.kernels.typed import library_of_runs
+from symgen.runtime.kernels.library import Library
 from symgen.runtime.model.arguments import LinkageMotion, takes
 from symgen.runtime.model.model import Model
 from symgen.runtime.result.state import AssemblyModes, State, coordinates, state_at
@@ -65,11 +64,6 @@ class LinkageModel(Model):
 
     #: Whether inputs alone move the mechanism; the motion of a linkage is followed in time.
     is_driven = False
-
-    @property
-    def _series(self) -> bool:
-        """Whether its runs may take power series."""
-        return SERIES in library_of_runs(self.library, self.number_type).addresses
 
     @abstractmethod
     def _begun(self) -> Start:
