@@ -179,7 +179,7 @@ cdef class LoopEquations(Integrable):
         wanted.unknown, wanted.known, wanted.rank, wanted.size = len(found), len(known), rank, size
         wanted.tolerance, wanted.balls, wanted.extra = tolerance, len(balls), work_of_loads
         wanted.switches = switches if functions.events != NULL else 0
-        if functions.series != NULL and work_of_loads:
+        if functions.series != NULL:
             wanted.series_rows, wanted.series_watched = series_rows, series_watched
         else:
             wanted.series_rows = wanted.series_watched = 0

@@ -127,5 +127,3 @@ def test_what_has_no_series_says_so():
     scene = symgen.Scene(**freed("rssr", 0.5, 3.0))
     with pytest.raises(ModelError, match="power series are for compiled .* free loops and"):
         symgen.build(scene, backend="numpy").simulate(0.1, method="taylor")
-    with pytest.raises(ModelError, match="Choose dop853, dopri5 or rk4"):
-        symgen.build(scene).sensitivity(["theta4"], ["twist"], t_end=0.1, method="taylor")

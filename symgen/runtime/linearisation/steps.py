@@ -88,7 +88,7 @@ class LinkageSteps:
     """
 
     def __init__(self, evaluator: Evaluator, kernels: Evaluator, redundant: int, method: Integrator) -> None:
-        self._kernels, self._method = kernels, dop853.METHOD if method.kind == "taylor" else method
+        self._kernels, self._method = kernels, of_tangents(method)
         self._equations = evaluator.equations(redundant, work_of_loads=False)
         blocks = kernels.info("integrands").blocks if kernels.has("integrands") else ()
         names = [b.about for b in blocks]
@@ -133,6 +133,11 @@ def _check(status: int, count: int, t: Array) -> None:
             else "a number that is not finite appeared"
         )
         raise SimulationError(f"no derivatives of the run from t = {at:.9g} s on: {cause}", time=at)
+
+
+def of_tangents(method: Integrator) -> Integrator:
+    """Return the method of the tangents of steps: for power series, an explicit one."""
+    return dop853.METHOD if method.kind == "taylor" else method
 
 
 def resolved(path: StoredTrajectory, steps: StepTangents, chosen: Options) -> StoredTrajectory:

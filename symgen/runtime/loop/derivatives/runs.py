@@ -19,7 +19,7 @@ from symgen.runtime.kernels.batch import lanes_of
 from symgen.runtime.kernels.description import LoopDescription
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.linearisation.runs import followed
-from symgen.runtime.linearisation.steps import StoredTrajectory
+from symgen.runtime.linearisation.steps import StoredTrajectory, of_tangents
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.result.state import State
 
@@ -40,10 +40,10 @@ def follow(loop: LoopKernels, rank: int, start: State, chosen: Options, times: A
     d = loop.description
     if d.switches:
         raise ModelError(f"derivatives of runs are not available for loads that jump: {d.switches[0]}")
-    if chosen.method.kind != "explicit":
+    if chosen.method.kind not in ("explicit", "taylor"):
         raise ModelError(
-            f"expected an explicit method for derivatives of runs of loops, got {chosen.method.name}\n"
-            "  Choose dop853, dopri5 or rk4."
+            f"derivatives of runs of loops are not available for {chosen.method.name}\n"
+            "  Choose dop853, taylor, dopri5 or rk4."
         )
     equations = loop.equations(d.having("dependent", "free"), rank, work_of_loads=False)
     turns = slice(len(d.tunable), len(d.tunable) + len(d.balls))
@@ -70,7 +70,7 @@ class LoopSteps:
     rank
         Of the screws of dependent variables.
     method
-        The explicit integrator.
+        The integrator of the run.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class LoopSteps:
         self.integrands: Mapping[str, str] = {}
         self.states = 0
         self._equations = loop.equations(d.having("dependent", "free"), rank, work_of_loads=False)
-        self._method, self._kernels, self._names = method, kernels, [p.name for p in d.parameters]
+        self._method, self._kernels, self._names = of_tangents(method), kernels, [p.name for p in d.parameters]
 
     def along(self, by: Sequence[str]) -> LoopVariations:
         """Return the tangents of steps by parameters, and by other names on which the start alone depends."""
