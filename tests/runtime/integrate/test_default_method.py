@@ -24,7 +24,7 @@ def method_of(model, **options):
         ({"rtol": 1e-12, "max_step": 0.01}, "taylor"),
         ({"rtol": 1e-12, "stabilisation": "baumgarte"}, "dop853"),
         ({"rtol": 1e-12, "method": "dop853"}, "dop853"),
-        ({"step": 1e-3}, "rk4"),
+        ({"step": 1e-3}, "dop853"),
     ],
 )
 def test_by_tolerance(options, method):

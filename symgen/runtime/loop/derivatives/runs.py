@@ -80,7 +80,8 @@ class LoopSteps:
         self.integrands: Mapping[str, str] = {}
         self.states = 0
         self._equations = loop.equations(d.having("dependent", "free"), rank, work_of_loads=False)
-        self._method, self._kernels, self._names = of_tangents(method), kernels, [p.name for p in d.parameters]
+        self._method, self._kernels = of_tangents(method), kernels
+        self._names = [p.name for p in d.parameters]
 
     def along(self, by: Sequence[str]) -> LoopVariations:
         """Return the tangents of steps by parameters, and by other names on which the start alone depends."""
