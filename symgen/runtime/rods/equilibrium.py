@@ -149,7 +149,7 @@ def _search(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised
     left = float(np.max(np.abs(best.basis.T @ statics.force(here)), initial=0.0))
     if left <= _balanced(best):
         return here, best
-    raise _none(constraints.description, best, statics.measured(here - q) > _AWAY * length)
+    raise _none(statics, here, best, statics.measured(here - q) > _AWAY * length)
 
 
 def _balanced(linearised: Linearised) -> float:
@@ -204,7 +204,25 @@ def _step(at: Linearised, slope: Array, radius: float, stable: bool) -> Array:
     return vectors @ reached
 
 
-def _none(d: Description, best: Linearised, far: bool) -> SimulationError:
+def _torque(statics: Statics, q: Array, best: Linearised) -> str:
+    """Return the unbalanced force as a torque on a link of the ground, if planar and of one freedom."""
+    d = statics.constraints.description
+    if best.freedoms != 1 or len(d.axes) != 2 or d.rates:
+        return ""
+    motion = best.basis[:, 0]
+    points = statics.evaluator.blocks("points", statics.t, q, motion)
+    torques = []
+    for link, (first, second, *_) in d.links.items():
+        ends = [d.points.index(first), d.points.index(second)]
+        (along,), (moved,) = (np.diff(points[name][ends], axis=0) for name in ("positions", "velocities"))
+        rate = (along[0] * moved[1] - along[1] * moved[0]) / (along @ along)
+        if {first, second}.intersection(d.ground) and rate:
+            torques.append((abs(float(best.unbalanced @ motion) / rate), link))
+    return ", as by a torque of {:.3g} N*m on {}".format(*min(torques)) if torques else ""
+
+
+def _none(statics: Statics, q: Array, best: Linearised, far: bool) -> SimulationError:
+    d = statics.constraints.description
     pushed = np.linalg.norm(best.unbalanced.reshape(len(d.free), -1), axis=1)
     order = [int(i) for i in np.argsort(-pushed, kind="stable")[:3] if pushed[i] > 0]
     points = ", ".join(f"{d.free[i]} by {pushed[i]:.3g}{'' if d.rates else ' N'}" for i in order)
@@ -214,7 +232,8 @@ def _none(d: Description, best: Linearised, far: bool) -> SimulationError:
             f"{points}\n  Hold it: ground a point, or add a spring or a drive."
         )
     return SimulationError(
-        f"no equilibrium was found from this start: still pushed at {points}\n"
+        f"no equilibrium was found from this start: still pushed at {points}"
+        f"{_torque(statics, q, best)}\n"
         "  Start from another pose. There may be none: a constant torque or force, such as that of a motor, "
         "can exceed all that weights and springs balance."
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize, root
@@ -202,8 +204,13 @@ def test_a_constant_torque_above_all_weights_is_named_as_a_cause():
     motor = symgen.Scene(
         **words, gravity=GRAVITY, torques=[{"link": "rod", "torque": "T"}], parameters={"T": "9 N*m"}
     )
-    with pytest.raises(SimulationError, match="There may be none: a constant torque or force"):
+    with pytest.raises(SimulationError, match="There may be none: a constant torque or force") as caught:
         build(motor).equilibrium()
+    force, torque = re.search(
+        r"at A by (\S+) N, as by a torque of (\S+) N\*m on rod", str(caught.value)
+    ).groups()
+    assert float(torque) == pytest.approx(float(force), rel=1e-2)
+    assert float(torque) > 0.99 * (9 - G / 2)
 
 
 def test_what_has_no_equilibrium_says_so():
