@@ -215,33 +215,40 @@ static int step(struct run *run, real t, real h, real t_new) {
     return DONE;
 }
 
+/* The part of a term that changes a number by the tolerance. */
+static real within_tolerance(const struct run *run, real number, real term) {
+    return term == 0 ? REAL_INFINITY : (R(run->task.atol) + R(run->task.rtol) * real_fabs(number)) / real_fabs(term);
+}
+
 /* The derivative along the last terms, in which the stiffest part of the motion prevails, is a lower bound of the largest
    eigenvalue; rates are weighted so that an oscillation at the edge has this bound in all phases. At the edge, these terms
-   are within a tenth of the tolerance, as in all steps, and the part of the motion itself is within the tolerance. */
+   are within a tenth of the tolerance, as in all steps, and the part of the motion itself is within the tolerance. Loads may
+   be linear in no larger change. So small a one of positions may be lost in rounding: rates alone would be at the edge. */
 static void look_for_stiffness(struct run *run, real h, real t_new) {
     const struct taylor x = taylor_of(run);
     const struct series s = series_of(run, *x.present);
     const long n = run->e->n, k = s.order - 1;
-    const real *last = s.rows + k * s.row;
+    const real *places = s.rows + k * s.row, *speeds = places + s.row, *y = run->y_new;
     const real edge = R(exp((lgamma((double)s.order) - log(10.0)) / (double)k)), weight = h / edge;
-    real terms = 0, rates = 0, states = 0;
-    for (long i = 0; i < n; i++)
-        terms = real_fmax(terms, real_fabs(last[i]));
-    if (!(terms > 0))
-        return;
-    const real part = real_sqrt(REAL_EPSILON) * largest_of(run->y_new, n) / terms;
-    copy(run->y_new, run->dim, run->stage);
+    real part = REAL_INFINITY, rates = 0, states = 0;
     for (long i = 0; i < n; i++) {
-        run->stage[i] += part * last[i];
-        run->stage[n + i] += part * R(s.order) * last[s.row + i];
+        part = real_fmin(part, within_tolerance(run, y[i], places[i]));
+        part = real_fmin(part, within_tolerance(run, y[n + i], R(s.order) * speeds[i]));
+    }
+    if (!real_isfinite(part))
+        return;
+    copy(y, run->dim, run->stage);
+    for (long i = 0; i < n; i++) {
+        run->stage[i] += part * places[i];
+        run->stage[n + i] += part * R(s.order) * speeds[i];
     }
     run->e->of->derivative(run->e, t_new, run->stage, run->error);
-    for (long i = 0; i < 2 * n; i++) {
-        const real scale = i < n ? R(1) : weight;
-        const real rate = scale * (run->error[i] - run->f_new[i]), state = scale * (run->stage[i] - run->y_new[i]);
-        rates += rate * rate, states += state * state;
+    for (long i = 0; i < n; i++) {
+        const real place = part * places[i], speed = part * R(s.order) * speeds[i];
+        const real change = weight * (run->error[n + i] - run->f_new[n + i]);
+        states += place * place + weight * weight * speed * speed, rates += speed * speed + change * change;
     }
-    watch_stiffness(run, t_new, h * real_sqrt(rates / states) > edge);
+    watch_stiffness(run, t_new, states > 0 && h * real_sqrt(rates / states) > edge);
 }
 
 static int finish(struct run *run, real h, real t_new) {

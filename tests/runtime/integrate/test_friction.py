@@ -102,8 +102,9 @@ force = ["{pulse}", "0 N"]
 
 def test_friction_that_sticks_is_refused_early_with_the_smooth_alternative(tmp_path):
     """The mass is at rest at t = 1/3 s and x = 1/6 m; smooth friction of a width of 1e-6 m/s is run by radau5."""
-    model = symgen.build(CASES / "friction.toml", backend="numpy")
-    for options in ({}, {"method": "dopri5"}, {"step": 1e-3}):
+    model, compiled = (symgen.build(CASES / "friction.toml", backend=b) for b in ("numpy", "c"))
+    runs = [(model, options) for options in ({}, {"method": "dopri5"}, {"step": 1e-3})]
+    for model, options in [*runs, (compiled, {"method": "taylor"})]:
         begun = time.perf_counter()
         with pytest.raises(
             SimulationError, match=r"stays at the jump of abs\(A\.vx.*\n.*tanh\(\(A\.vx.*\)/w\)"
