@@ -45,6 +45,8 @@ static int fill_stage(struct run *run, const struct tableau *x, long s, real h) 
         status = e->of->project(e, t, run->error);
         if (status == DONE)
             memcpy(run->stage, run->error, row);
+        if (e->account->soundness < run->least)
+            return SINGULAR;
     }
     e->of->derivative(e, t, run->stage, stages + s * run->dim);
     return status == SINGULAR ? SINGULAR : DONE;

@@ -9,9 +9,9 @@
 /* Accelerations of linkages vary much between steps: beyond this growth the factor CAREFUL applies. */
 #define GROW_FREELY 1.2
 
-/* Least pivot of the constraints, over the largest so far, at which steps of a method with another near a loss of rank do
-   not end: rates lose their digits. */
-#define TOO_NEAR 1e-3
+/* Least pivot of the constraints, over the largest so far, at which adaptive steps end: the error of rates by rounding is
+   proportional to its inverse. */
+#define TOO_NEAR 1e-4
 
 /* -- memory ------------------------------------------------------------------------------------------------ */
 
@@ -74,7 +74,7 @@ static void bind_method(struct run *run) {
 
 void run_bind(struct run *run, struct equations *e, const struct scheme *scheme, const struct task *task,
               void *memory) {
-    run->e = e, run->given = scheme, run->task = *task, run->dim = e->dim;
+    run->e = e, run->given = scheme, run->task = *task, run->dim = e->dim, run->least = 0.0;
     run->bytes = place(run, memory);
     e->revision++; /* the memory may have been restored */
     bind_method(run);
@@ -153,11 +153,15 @@ int all_finite(const real *v, long count) {
     return 1;
 }
 
+/* Whether drives prescribe all motion. */
+static int is_prescribed(const struct run *run) {
+    return run->e->n == run->e->m - run->e->sizes.redundant;
+}
+
 long judged_of(const struct run *run) {
     const struct equations *e = run->e;
-    const int prescribed = e->n == e->m - e->sizes.redundant;
     const double sound = fmin(run->state->sound, e->account->soundness);
-    return is_magnified(run) && !(prescribed && sound > PASSAGE) ? 2 * e->n : run->dim;
+    return is_magnified(run) && !(is_prescribed(run) && sound > PASSAGE) ? 2 * e->n : run->dim;
 }
 
 void rounding_of(const struct run *run, real h, real *rounding) {
@@ -451,6 +455,11 @@ static int accepted_step(struct run *run, real *t_new, real *length) {
     struct state *s = run->state;
     real largest = R(GROW), part = 1, h;
     int failed = STEP_TOO_SMALL;
+    /* The pivot from which the limits of ends and stages follow: a step from within them may end as near. Errors of a motion
+       that drives prescribe do not add up, but power series have no digits there. */
+    const int is_limited = run->scheme.near || !is_prescribed(run);
+    const int avoids = run->scheme.adaptive && run->task.stabilisation == PROJECTION && run->e->m > 0 && is_limited;
+    double sound = avoids ? fmin(s->soundest, s->sound / TOO_NEAR) : 0.0;
     if (run->scheme.adaptive && run->scheme.kind->longest)
         s->h = real_fmin(s->h, run->scheme.kind->longest(run));
     if (run->task.max_step > 0.0)
@@ -460,9 +469,9 @@ static int accepted_step(struct run *run, real *t_new, real *length) {
         if (!is_counted(run) && !(h > shortest_step(run, s->t)))
             return failed;
         h = end_of_step(run, h, t_new);
+        run->least = PASSAGE * sound;
         int status = try_step(run, h, *t_new);
-        const int leaves = run->scheme.near && run->scheme.adaptive;
-        if (status == DONE && leaves && run->e->account->soundness < TOO_NEAR * s->soundest)
+        if (status == DONE && run->e->account->soundness < TOO_NEAR * sound)
             status = SINGULAR;
         if (status == DONE)
             break;
@@ -471,8 +480,13 @@ static int accepted_step(struct run *run, real *t_new, real *length) {
             largest = 1;
             continue;
         }
-        /* Shorten a step slightly if its end or a stage hits an instantaneous loss of rank. */
+        /* Shorten a step slightly if its end or a stage is near an instantaneous loss of rank. Where all lengths are, it
+           may be nearer, but for power series, which leave it to the other method. */
         part *= R(0.7);
+        if (status == SINGULAR && sound > 0 && !run->scheme.near && part < R(0.2)) {
+            part = 1, sound = sound > 1e-5 * s->soundest ? 0.1 * sound : 0.0;
+            continue;
+        }
         int near = s->sound < NEAR && (status == PROJECTION_FAILED || status == UNSOLVED);
         if (is_counted(run) || (status != SINGULAR && !near)) {
             s->rejected--;
@@ -491,6 +505,7 @@ static int accepted_step(struct run *run, real *t_new, real *length) {
         if (h == s->h || factor < 1)
             s->h = h * factor;
     }
+    run->least = 0.0;
     *length = h;
     return DONE;
 }

@@ -202,6 +202,7 @@ struct run {
     signed char *sides;          /* signs of events at y, within the tolerance of a touch those before */
     signed char *slopes;         /* of their rates, near zero; 0: that at y */
     char *probed;                /* whether an event is looked for at probes in the present step */
+    double least;                /* pivot of the constraints that stages of the present step must have */
     /* set by the kind's bind */
     real *f, *f_new;
 };
