@@ -291,7 +291,8 @@ def nearest(name: str, known: Iterable[str], otherwise: str = "") -> str:
     words = sorted(set(known))
     folded = name.casefold()
     close = [w for w in words if w.casefold() == folded] or get_close_matches(name, words, n=1, cutoff=0.75)
-    close = close or get_close_matches(name, [w for w in words if w[:1] == name[:1]], n=1, cutoff=0.6)
+    alike = [w for w in words if w[:1] == name[:1] or folded in w.casefold()]
+    close = close or get_close_matches(name, alike, n=1, cutoff=0.6)
     close = close or [w for w in words if w.casefold().startswith(folded)]
     if close:
         return f"Did you mean {close[0]!r}?"
