@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char elastic_place_tangents_equations[65] = "c2e60d6e4fe5ce0f0b174535b631fa351a59bba1fe7edcd2f600d509b85cab8e";
+const char elastic_place_tangents_equations[65] = "f0f739ec270718d372260eb651b0b4d41182eb147ba3b537f48477f04aa84d07";
 
 /* tangent of constants of a link by a unit mass, force, axial force and moment of inertia at x: 0 operations */
 void elastic_place_tangents_point_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_beam8_equations[65] = "d214865227a65bdf59b9cd72655308650f7795c99f579a34e7a5de940df74570";
+const char element_beam8_equations[65] = "cbd3af30eb30531b840397d31fc7bf01839bf5781033cf9a160b835393763886";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 147 operations (48 add, 99 mul, 5 neg) */
 void element_beam8_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_beam9_equations[65] = "de46245b8679179984c1e26ec3bbba982bd0d6cad39ff4fa8f70ff9d378a3d06";
+const char element_beam9_equations[65] = "20693ebb8db9f5140706aca41b173f35da157d788f388ca62e8a4f11b91f9530";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 163 operations (53 add, 110 mul, 6 neg) */
 void element_beam9_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_timoshenko_equations[65] = "301cbc14110a0cb6a88892ca1b0fbc5459c7dc19fc3136656acd941788baaf79";
+const char element_timoshenko_equations[65] = "42b886e69b09948d052ae35312e766fe4cb0dfa086beaf450d1c76a2050394c9";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 232 operations (108 add, 123 mul, 1 div, 13 neg) */
 void element_timoshenko_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char corotational_node_equations[65] = "2d68f3109f1eb99f2b38087b9ca7c5e7541d2031c997884c7f11081ae88ed052";
+const char corotational_node_equations[65] = "36195672a722c9f734934f7f2cf7c755765dda2fbddd9ee4a5b0ea1bce22a0e5";
 
 /* inertia and internal force less gravity: 7 operations (2 add, 5 mul) */
 void corotational_node_residual(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char direction_equations[65] = "dff57cbdeb5bc6c2b40828b25fbaee62982dbd5d7658e39abac1810f55ca1fc0";
+const char direction_equations[65] = "9befe1b84c86d1d6b83004ab4bcfcb621baab164f29bc52d936fb57754ef37b0";
 
 /* error, rate and slopes of the constraint: 125 operations (38 add, 87 mul) */
 void direction_row(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -10,7 +10,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char director_beam_tangents_equations[65] = "39138bcfb7eecba0f1adf4cd28adee68bca632f2c82a39ad0cb10b89c0c79537";
+const char director_beam_tangents_equations[65] = "a93b368029979069ea3e396e4967ad2af7f9e46835b343e17a3a39ae08e96c81";
 
 /* tangent of inertia and internal force less gravity: 4100 operations (1252 add, 2843 mul, 5 div, 37 neg) */
 void director_beam_tangents_residual_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char peaucellier_equations[65] = "95a0d9318314f0206318f8628a4088744fa0c2a9fc9760f03d21cae5372c9e48";
+const char peaucellier_equations[65] = "4b425b1d4e8352632e547b4d05951e8c182406dbb6ffe2190b1d2fcffd8e27a0";
 
 /* One over a pivot, or zero where cancellation left nothing of it. */
 static double guarded_inverse(double pivot, double sound, double tolerance)

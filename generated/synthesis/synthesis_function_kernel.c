@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_function_equations[65] = "87a16627f9fe981d7d45e687ceb7b7a086575f280921989a91717bac658dee93";
+const char synthesis_function_equations[65] = "7946b54df11effeee3575f8288d613f90b976ac5a58b8cfe6d278f00e84bcc9a";
 
 /* residual and its derivatives: 20 operations (10 add, 4 mul, 2 neg, 6 call) */
 void synthesis_function_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

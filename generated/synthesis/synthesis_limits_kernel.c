@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_limits_equations[65] = "be495ebd90f8646a18f2119f6b623a1e0371d76ab2a0aeeab08cd855b9f28efe";
+const char synthesis_limits_equations[65] = "f0d55283cb9c1645a573dd9bde5df88c0597675b6f2eee477074cc5689a5f41a";
 
 /* residual and its derivatives: 97 operations (42 add, 43 mul, 16 neg, 12 call) */
 void synthesis_limits_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

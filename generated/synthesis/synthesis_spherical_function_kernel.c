@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_spherical_function_equations[65] = "78b2444a72cf2efdb7cbb7405e453d9e5bd98f8ad854ac7963d10c66ded3f0d1";
+const char synthesis_spherical_function_equations[65] = "03cd75ffe25490483334db1055325f31ed63da9084388e43a0c2b759f479c695";
 
 /* residual and its derivatives: 28 operations (10 add, 14 mul, 1 neg, 4 call) */
 void synthesis_spherical_function_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

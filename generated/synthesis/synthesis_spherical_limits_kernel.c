@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_spherical_limits_equations[65] = "56d4ed1ae629b3378753142f3ff027973f0aa2da7f277c0702bc86eadf08ea0a";
+const char synthesis_spherical_limits_equations[65] = "1d8c8c6a6973b512930ffc0c462e5d1ca50d0ec2576cb00877beff4e9102d85f";
 
 /* residual and its derivatives: 168 operations (49 add, 89 mul, 18 neg, 30 call) */
 void synthesis_spherical_limits_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from itertools import groupby
 
-from symgen.codegen.printers import C_FUNCTIONS, LANE_FUNCTIONS, Printer
-from symgen.lowering.expressions import Call, Node, calls, children, references
+import sympy as sp
+
+from symgen.codegen.printers import C_FUNCTIONS, LANE_FUNCTIONS, Printer, printer
+from symgen.codegen.target import Target
+from symgen.lowering.expressions import Call, Lookup, Node, children, constant, references
 from symgen.lowering.kernel import Kernel
 from symgen.precision import Precision
 
@@ -16,28 +20,71 @@ _OF_TWO = ("atan2", "pow", "fmax")
 
 
 @dataclass(frozen=True, slots=True)
+class LookupView:
+    """The numbers of a function of the pieces of a table, as text; ``period`` is empty without one."""
+
+    finds: bool
+    numbers: tuple[str, ...]
+    period: str
+    step: str
+    bounded: bool
+
+
+@dataclass(frozen=True, slots=True)
 class CallView:
     """A function that kernels call: name in the expression tree, name for scalars, number of arguments.
 
-    ``shared`` is true where it has one argument, which never depends on a state.
+    ``shared`` is true where it has one argument, which never depends on a state. ``lookup`` is that of a
+    table.
     """
 
     function: str
     of_one: str
     arguments: int
     shared: bool
+    lookup: LookupView | None = None
 
 
-def calls_of(kernel: Kernel, precision: Precision) -> tuple[CallView, ...]:
+def calls(nodes: Iterable[Node]) -> dict[str, Call]:
+    """Return a call of each function in expressions."""
+    functions: dict[str, Call] = {}
+    waiting = list(nodes)
+    while waiting:
+        node = waiting.pop()
+        waiting.extend(children(node))
+        if isinstance(node, Call):
+            functions[node.function] = node
+    return functions
+
+
+def calls_of(kernel: Kernel, target: Target) -> tuple[CallView, ...]:
     """Return the functions that a kernel calls, by name."""
     values = [a.value for a in kernel.assignments] + [s.value for s in kernel.stores]
     functions = calls(values if kernel.counts.call else ())
-    one = Printer(C_FUNCTIONS, precision)
-    changing = _of_states(kernel, values) if 1 in functions.values() else ()
+    counts = {name: len(call.arguments) for name, call in functions.items()}
+    one = Printer(C_FUNCTIONS, target.precision)
+    changing = _of_states(kernel, values) if 1 in counts.values() else ()
     return tuple(
-        CallView(name, one.name(name), arguments, arguments == 1 and name not in changing)
-        for name, arguments in sorted(functions.items())
+        CallView(
+            name,
+            name if isinstance(call, Lookup) else one.name(name),
+            counts[name],
+            counts[name] == 1 and name not in changing,
+            _lookup(call, target) if isinstance(call, Lookup) else None,
+        )
+        for name, call in sorted(functions.items())
     )
+
+
+def _lookup(call: Lookup, target: Target) -> LookupView:
+    column = call.column
+    prints = replace(printer(target), lanes=False)  # vectors take the function of scalars lane by lane
+
+    def text(number: Fraction) -> str:
+        return prints(constant(sp.Rational(number)))
+
+    period, step = (text(x) if x else "" for x in (column.period, column.step))
+    return LookupView(column.finds, tuple(map(text, column.numbers)), period, step, column.bounded)
 
 
 def calls_of_series(kernels: Iterable[Kernel], precision: Precision) -> tuple[CallView, ...]:

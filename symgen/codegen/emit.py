@@ -214,7 +214,7 @@ def _kernel(program: Program, kernel: Kernel, target: Target, rolls: bool) -> Ke
         stores=() if loops else tuple(_stores(kernel.stores, prints, target)),
         early=tuple(tuple(_stores(stores, prints, target)) for stores in early),
         late=tuple(_stores(late, prints, target)),
-        calls=calls_of(kernel, target.precision),
+        calls=calls_of(kernel, target),
         blocks=tuple(map(_block, kernel.blocks)),
         reads=tuple(ArrayView(a, sizes[a]) for a in ARRAYS if a in sizes),
         reads_work="work" in arguments,

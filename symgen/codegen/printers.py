@@ -13,6 +13,7 @@ from symgen.lowering.expressions import (
     GUARDED_INVERSE,
     Call,
     Constant,
+    Lookup,
     Negative,
     Node,
     Product,
@@ -118,6 +119,9 @@ class Printer:
                 return f"{self._print(numerator, _PRODUCT)}/{self._print(denominator, _ATOM)}", _PRODUCT
             case Negative(value):
                 return f"-{self._print(value, _PRODUCT)}", _SIGN
+            case Lookup(function, arguments):
+                name = f"{function}_lanes" if self.lanes else function
+                return f"{name}({', '.join(self(a) for a in arguments)})", _ATOM
             case Call(function, arguments):
                 return f"{self.name(function)}({', '.join(self(a) for a in arguments)})", _ATOM
         raise TypeError(f"not a node: {node!r}")

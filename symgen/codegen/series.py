@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from symgen.codegen.calls import calls
 from symgen.codegen.printers import Printer
 from symgen.codegen.views import LoopOverOrders, OrderView, SeriesStatement
-from symgen.lowering.expressions import Call, Node, calls
+from symgen.lowering.expressions import Call, Node
 from symgen.lowering.kernel import Assignment, SeriesKernel
 from symgen.lowering.recurrences import AFTER, LOOPS, ROW
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from symgen.codegen.printers import Printer
 from symgen.lowering.expressions import Call, Constant, Negative, Node, Product, Quotient, Reference, Sum
@@ -134,8 +134,8 @@ def _placed(node: Node, places: Iterator[str]) -> Node:
             return Quotient(*all_of((numerator, denominator)))
         case Negative(value):
             return Negative(*all_of((value,)))
-        case Call(function, arguments):
-            return Call(function, all_of(arguments))
+        case Call(arguments=arguments):
+            return replace(node, arguments=all_of(arguments))
     raise TypeError(f"not a node: {node!r}")
 
 

@@ -190,6 +190,11 @@ class UnitView:
         return merged([*(c for k in self.kernels for c in k.calls), *of_lanes])
 
     @property
+    def lookups(self) -> tuple[CallView, ...]:
+        """The functions of tables among them."""
+        return tuple(c for c in self.calls if c.lookup)
+
+    @property
     def guarded(self) -> bool:
         """Return whether a kernel of this file calls the guarded reciprocal."""
         return any(c.function == GUARDED_INVERSE for c in self.calls)

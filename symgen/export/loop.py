@@ -120,6 +120,7 @@ def _records(model: LoopModel, solved: list[int], rank: int) -> tuple[ConstantSt
         known=len(known),
         balls=len(d.balls),
         switches=len(d.switches),
+        tables=d.tables,
         rank=rank,
         size=float(d.size),
         tolerance=d.assembly_tolerance / d.size,

@@ -111,6 +111,7 @@ def equations_of(model: RodModel, allowed: float, program: Program) -> tuple[Any
         redundant=len(d.redundant),
         events=len(d.events),
         switches=len(d.switches),
+        tables=d.tables,
         windings=d.windings,
         turns=len(d.turns),
         series_rows=d.series_rows if series else 0,

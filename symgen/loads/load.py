@@ -53,13 +53,13 @@ class Reading(Protocol):
     def drawn(self, link: str) -> Vector: ...
     def with_state(
         self, own: str = "", words: Mapping[str, Dimension] | None = None
-    ) -> Mapping[str, tuple[sp.Expr, Dimension]]: ...
+    ) -> Mapping[str, tuple[Any, ...]]: ...
     def value(
         self,
         text: str | int | float,
         dim: Dimension,
         where: str,
-        names: Mapping[str, tuple[sp.Expr, Dimension]] | None = None,
+        names: Mapping[str, tuple[Any, ...]] | None = None,
     ) -> sp.Expr: ...
     def not_negative(self, text: str | int | float, dim: Dimension, where: str) -> sp.Expr: ...
     def vector(
@@ -67,7 +67,7 @@ class Reading(Protocol):
         texts: list[str | int | float],
         dim: Dimension,
         where: str,
-        names: Mapping[str, tuple[sp.Expr, Dimension]] | None = None,
+        names: Mapping[str, tuple[Any, ...]] | None = None,
     ) -> Vector: ...
 
 

@@ -150,11 +150,11 @@ class _Split:
                 return self._product(tuple(map(self._part, factors)))
             case Quotient(numerator, denominator):
                 return self._quotient(numerator, denominator)
-            case Call(function, arguments):
+            case Call(arguments=arguments):
                 parts = tuple(map(self._part, arguments))
                 if all(fixed for _, fixed in parts):
-                    return self._setup.name(Call(function, tuple(x for x, _ in parts))), True
-                return Call(function, tuple(map(self._placed, parts))), False
+                    return self._setup.name(replace(node, arguments=tuple(x for x, _ in parts))), True
+                return replace(node, arguments=tuple(map(self._placed, parts))), False
         raise TypeError(f"not a node: {node!r}")
 
     def _placed(self, part: _Part) -> Node:

@@ -9,14 +9,14 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from decimal import Context, Decimal
 
 import sympy as sp
 
 from symgen.errors import DerivationError
 from symgen.symbolic.constants import rounded
-from symgen.symbolic.switch import Sign
+from symgen.symbolic.switch import PieceFunction, PieceNumbers, PiecewisePolynomial, Sign
 
 #: Default number of digits of constants, and the number of extra digits beyond those set by :func:`keeping`.
 DIGITS = 40
@@ -95,6 +95,13 @@ class Call:
     arguments: tuple[Node, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class Lookup(Call):
+    """A function of the pieces of a table: of (argument, branch) the piece, or of a piece its number."""
+
+    column: PieceNumbers
+
+
 Node = Constant | Reference | Sum | Product | Quotient | Negative | Call
 
 #: Threshold of the sign function: smaller numbers have sign zero, larger ones exactly 1 or -1 in every type.
@@ -134,6 +141,11 @@ def lower(expression: sp.Expr) -> Node:
     if expression.func in (Sign, sp.sign):
         value = lower(expression.args[0])
         return Quotient(value, Call("fmax", (Call("fabs", (value,)), Constant(LEAST_SIGNED))))
+    if isinstance(expression, PiecewisePolynomial):
+        return lower(expression.in_terms)
+    if isinstance(expression, PieceFunction):
+        arguments = tuple(lower(a) for a in expression.args)
+        return Lookup(f"table_{expression.func.__name__}", arguments, expression.column)
     function = FUNCTIONS.get(expression.func)
     if function is None:
         raise DerivationError(f"no kernel function for {expression.func.__name__}")
@@ -352,8 +364,8 @@ def _mapped(node: Node, read: Callable[[str], Node]) -> Node:
             return Quotient(_mapped(numerator, read), _mapped(denominator, read))
         case Negative(value):
             return Negative(_mapped(value, read))
-        case Call(function, arguments):
-            return Call(function, all_of(arguments))
+        case Call(arguments=arguments):
+            return replace(node, arguments=all_of(arguments))
     return node
 
 
@@ -371,19 +383,7 @@ def count(nodes: Iterable[Node]) -> OperationCount:
         terms[type(node)] += 1
         operands[type(node)] += len(parts)
     add, mul = (operands[kind] - terms[kind] for kind in (Sum, Product))
-    return OperationCount(add, mul, terms[Quotient], terms[Negative], terms[Call])
-
-
-def calls(nodes: Iterable[Node]) -> dict[str, int]:
-    """Return the functions called in expressions, with their numbers of arguments."""
-    functions: dict[str, int] = {}
-    waiting = list(nodes)
-    while waiting:
-        node = waiting.pop()
-        waiting.extend(children(node))
-        if isinstance(node, Call):
-            functions[node.function] = len(node.arguments)
-    return functions
+    return OperationCount(add, mul, terms[Quotient], terms[Negative], terms[Call] + terms[Lookup])
 
 
 def references(nodes: Iterable[Node]) -> list[str]:

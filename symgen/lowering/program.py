@@ -15,6 +15,7 @@ from symgen.lowering.kernel import RANK_TOLERANCE, SETUP, Block, Kernel, Program
 from symgen.lowering.recurrences import EquationsOfMotion, lower_series
 from symgen.lowering.sparse_ldlt import Factor, factor, solve
 from symgen.lowering.straight_line import Shared, StraightLine
+from symgen.symbolic.switch import PieceFunction, PiecewisePolynomial
 from symgen.symbolic.system import Export, NamedMatrix, SaddlePoint, System
 
 #: Matrices of the kernel 'events': switching points, in rows named after their branches; rates of angles.
@@ -66,15 +67,26 @@ def lower_system(system: System) -> Program:
 
 
 def _held(system: System) -> System:
-    """Return a system whose loads have branches in place of jumps, as runs hold them: b b = 1."""
-    branches = {name for m in system.matrices if m.name == SWITCHES for name in m.rows}
-    if not branches:
+    """Return a system whose loads have branches in place of jumps, as runs hold them: b b = 1.
+
+    Of tables a branch is the piece.
+    """
+    names = {name for m in system.matrices if m.name == SWITCHES for name in m.rows}
+    if not names:
         return system
-    ones = {x.symbol**2: sp.Integer(1) for x in system.group("p").quantities if x.name in branches}
+    branches = {x.symbol for x in system.group("p").quantities if x.name in names}
+    held: dict[sp.Basic, sp.Expr] = {b**2: sp.Integer(1) for b in branches}
+    for of in (*(m.matrix for m in system.matrices), *(d.expression for d in system.definitions)):
+        functions = of.atoms(PieceFunction, PiecewisePolynomial)
+        for f in sorted(functions, key=lambda f: len(f.atoms(PiecewisePolynomial))):  # arguments first
+            x, *branch = f.args
+            if branch and branch[0] in branches:
+                polynomial = isinstance(f, PiecewisePolynomial)
+                held[f] = f.pieces.on_piece(x.xreplace(held), *branch, f.order) if polynomial else branch[0]
     return replace(
         system,
-        matrices=tuple(replace(m, matrix=m.matrix.xreplace(ones)) for m in system.matrices),
-        definitions=tuple(replace(d, expression=d.expression.xreplace(ones)) for d in system.definitions),
+        matrices=tuple(replace(m, matrix=m.matrix.xreplace(held)) for m in system.matrices),
+        definitions=tuple(replace(d, expression=d.expression.xreplace(held)) for d in system.definitions),
     )
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from symgen.errors import DerivationError
 from symgen.lowering.expressions import (
@@ -217,7 +217,7 @@ class Terms:
             case Call(function, arguments):
                 parts = [self.of(x) for x in arguments]
                 if all(x.is_constant for x in parts):
-                    return Linear(Call(function, tuple(x.constant for x in parts)))
+                    return Linear(replace(node, arguments=tuple(x.constant for x in parts)))
                 return self._call(function, parts)
         raise TypeError(f"not a node: {node!r}")
 

@@ -15,6 +15,7 @@ from symgen.lowering.expressions import (
     GUARDED_INVERSE,
     Call,
     Constant,
+    Lookup,
     Negative,
     Node,
     Product,
@@ -26,6 +27,7 @@ from symgen.lowering.expressions import (
 )
 from symgen.lowering.kernel import Kernel
 from symgen.symbolic.exact import number
+from symgen.symbolic.switch import as_fraction
 
 Array = NDArray[np.float64]
 Number = Any  # mpmath has no types
@@ -157,6 +159,8 @@ class Tape:
                 return tuple(float(mpmath.fprod(x[:i] + x[i + 1 :])) for i in range(len(x)))
             case Quotient():
                 return float(1 / x[1]), float(-values[place] / x[1])
+            case Lookup():
+                return (0.0,) * len(x)
             case Call(function, _):
                 return tuple(float(d) for d in _DERIVATIVES[function](values[place], *x))
         return ()
@@ -174,6 +178,9 @@ def _value(node: Node, x: list[Number]) -> Number:
             return mpmath.fprod(x)
         case Quotient():
             return x[0] / x[1]
+        case Lookup(column=column):
+            found = column(*map(as_fraction, x))
+            return mpmath.mpf(found.numerator) / found.denominator
         case Call(function, _):
             return _FUNCTIONS[function](*x)
     raise TypeError(f"not an operation: {node!r}")

@@ -154,6 +154,7 @@ def of_loop(loop: Loop, program: Program, equations: str) -> LoopDescription:
         rank=0,
         balls=tuple(BallInfo(b.row, b.angles) for b in loop.balls),
         switches=tuple(s.text for s in loop.switches),
+        tables=sum(s.pieces for s in loop.switches),
         inputs=tuple(p.quantity.name for p in loop.parameters if p.input),
     )
 
@@ -198,6 +199,7 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
             if not linkage.kinematic
         ),
         switches=tuple(s.text for s in linkage.switches),
+        tables=sum(s.pieces for s in linkage.switches),
         pulses=tuple(k for k, s in enumerate(linkage.switches) if s.smooth),
         windings=len(linkage.windings),
         turns=turning(linkage),

@@ -21,6 +21,9 @@ cdef extern from "core/core.h" nogil:
         _REVOLVES "REVOLVES"
         _PROBED "PROBED"
 
+    enum:
+        _WHICH_PIECE "WHICH_PIECE"
+
     enum stabilisation:
         _PROJECTION "PROJECTION"
         _BAUMGARTE "BAUMGARTE"
@@ -41,7 +44,7 @@ cdef extern from "core/core.h" nogil:
         kernel_t tangent_setup
 
     cdef struct sizes:
-        long n, m, extra, parameters, derived, tangent_derived, work, first_pivot, redundant, events, switches, windings, turns, choices, series_rows, series_watched, tangent
+        long n, m, extra, parameters, derived, tangent_derived, work, first_pivot, redundant, events, switches, tables, windings, turns, choices, series_rows, series_watched, tangent
         const long *tangent_places
         double rank_tolerance, slack, stabilisation
 

@@ -27,6 +27,7 @@ SLIDING: int
 ENDS_RUN: int
 REVOLVES: int
 PROBED: int
+WHICH_PIECE: int
 STABILISATIONS: dict[str, int]
 DOUBLE: Core
 
@@ -119,6 +120,7 @@ class KernelEquations(Integrable):
         series_watched: int = 0,
         events: int = 0,
         switches: int = 0,
+        tables: int = 0,
         windings: int = 0,
         turns: int = 0,
         tangent: ArrayLike = (),

@@ -26,6 +26,8 @@ PROJECTION_FAILED, CONTRADICTED, DRIFTED, ENDED = _PROJECTION_FAILED, _CONTRADIC
 UNSOLVED, SLIDING = _UNSOLVED, _SLIDING
 #: Effects of events on a run.
 ENDS_RUN, REVOLVES, PROBED = _ENDS_RUN, _REVOLVES, _PROBED
+#: The branch that asks a table for its piece.
+WHICH_PIECE = _WHICH_PIECE
 #: Methods of stabilisation of the constraints.
 STABILISATIONS = {"projection": _PROJECTION, "baumgarte": _BAUMGARTE, "raw": _RAW}
 
@@ -526,8 +528,8 @@ cdef class KernelEquations(Integrable):
         Largest contradiction [m] between a redundant constraint and the others.
     core
         The core that the kernels were compiled for; the core of doubles by default. events, switches, windings, turns
-        Number of values that the kernel 'events' writes for events, for switching points, for angles in loads, and for
-        continuous angles of links, each with its rate.
+        Number of values that the kernel 'events' writes for events, for switching points, of which those of ``tables`` are
+        the last, for angles in loads, and for continuous angles of links, each with its rate.
     tangent
         Row, column and place of each value of the kernel 'tangent', column by column.
     tangent_library
@@ -538,7 +540,7 @@ cdef class KernelEquations(Integrable):
 
     def __init__(self, library, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, const double[::1] p,
                  Py_ssize_t work_size, Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant,
-                 double slack, *, long series_rows=0, long series_watched=0, Core core=DOUBLE, long events=0, long switches=0, long windings=0, long turns=0, tangent=(),
+                 double slack, *, long series_rows=0, long series_watched=0, Core core=DOUBLE, long events=0, long switches=0, long tables=0, long windings=0, long turns=0, tangent=(),
                  tangent_library=None, double stabilisation=0.0):
         cdef kernels functions
         cdef sizes wanted
@@ -559,6 +561,7 @@ cdef class KernelEquations(Integrable):
         wanted.work, wanted.first_pivot, wanted.redundant = work_size, first_pivot, redundant
         wanted.events = events if functions.events != NULL else 0
         wanted.switches = switches if functions.events != NULL else 0
+        wanted.tables = tables if functions.events != NULL else 0
         wanted.windings = windings if functions.events != NULL else 0
         wanted.turns = turns if functions.events != NULL else 0
         functions.series = kernel_of(addresses, "series")

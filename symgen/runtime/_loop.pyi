@@ -43,6 +43,7 @@ class LoopEquations(Integrable):
         tolerance: float = 0.0,
         balls: Sequence[Sequence[int]] = (),
         switches: int = 0,
+        tables: int = 0,
         work_of_loads: bool = True,
         series_rows: int = 0,
         series_watched: int = 0,

@@ -33,7 +33,7 @@ cdef extern from "core/loops.h" nogil:
         kernel_t inputs, position, motion, inverse, given, outputs, energy, setup, events, series
 
     cdef struct loop_sizes:
-        long n, parameters, derived, extra, work, out_size, solved, inputs, unknown, known, balls, switches, rank, series_rows, series_watched
+        long n, parameters, derived, extra, work, out_size, solved, inputs, unknown, known, balls, switches, tables, rank, series_rows, series_watched
         double size, tolerance
 
     cdef struct ball:
@@ -133,7 +133,7 @@ cdef class LoopEquations(Integrable):
         constant alpha; the next ball, which takes over the spin, then follows. Their leading angles are the parameters
         before the branches of switching points.
     switches
-        Number of switching points of loads: values that the kernel 'events' writes.
+        Number of switching points of loads: values that the kernel 'events' writes; those of ``tables`` are the last.
     work_of_loads
         Whether the work of loads without potential is integrated.
     series_rows, series_watched
@@ -152,7 +152,7 @@ cdef class LoopEquations(Integrable):
 
     def __init__(self, library, p, Py_ssize_t work_size, Py_ssize_t out_size, lengths, solved, inputs, unknown,
                  double size, Py_ssize_t rank, *, Core core=DOUBLE, double tolerance=0.0,
-                 balls=(), long switches=0, bint work_of_loads=True, long series_rows=0, long series_watched=0):
+                 balls=(), long switches=0, long tables=0, bint work_of_loads=True, long series_rows=0, long series_watched=0):
         cdef Py_ssize_t k
         cdef loop_sizes wanted
         cdef loop_kernels functions
@@ -179,6 +179,7 @@ cdef class LoopEquations(Integrable):
         wanted.unknown, wanted.known, wanted.rank, wanted.size = len(found), len(known), rank, size
         wanted.tolerance, wanted.balls, wanted.extra = tolerance, len(balls), work_of_loads
         wanted.switches = switches if functions.events != NULL else 0
+        wanted.tables = tables if functions.events != NULL else 0
         if functions.series != NULL:
             wanted.series_rows, wanted.series_watched = series_rows, series_watched
         else:

@@ -11,11 +11,13 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from fractions import Fraction
-from typing import Any
+from typing import Any, cast
 
 import sympy as sp
 
 from symgen.errors import SceneError, nearest
+from symgen.scene.tables.points import Tabulated
+from symgen.scene.tables.profiles import PROFILES
 from symgen.scene.units import (
     ANGULAR_RATE,
     NUMBER,
@@ -28,10 +30,11 @@ from symgen.scene.units import (
     parse_quantity,
 )
 from symgen.symbolic.constants import rounded, vanishes
-from symgen.symbolic.switch import Sign, greatest, least
+from symgen.symbolic.switch import Sign, greatest, least, modulo
 
 Value = tuple[sp.Expr, Dimension]
-Names = Mapping[str, Value]
+#: Named values, and tables under their names with brackets, as ``gas()``.
+Names = Mapping[str, "Value | Tabulated"]
 
 _LONGEST, _DEEPEST = 2000, 60
 _LARGEST_POWER, _LARGEST_SYMBOLIC_POWER = 64, 16  # SymPy may expand what holds symbols
@@ -43,14 +46,14 @@ _TONNES = re.compile(r".*[A-Za-z0-9)]\s*\*\s*t\s*", re.ASCII | re.DOTALL)
 _SHOWN = 80  # characters of an expression in a message
 
 #: Functions a scene may call: their SymPy form and number of arguments. All act on plain
-#: numbers (angles in radians) and give plain numbers, but for sqrt, abs, sign, min, max and atan2, which see
-#: dimensions.
+#: numbers (angles in radians) and give plain numbers, but for sqrt, abs, sign, min, max, mod and atan2, which
+#: see dimensions.
 FUNCTIONS: dict[str, tuple[Callable[..., Any], int]] = {
     "sin": (sp.sin, 1), "cos": (sp.cos, 1), "tan": (sp.tan, 1),
     "asin": (sp.asin, 1), "acos": (sp.acos, 1), "atan": (sp.atan, 1), "atan2": (sp.atan2, 2),
     "sinh": (sp.sinh, 1), "cosh": (sp.cosh, 1), "tanh": (sp.tanh, 1),
     "exp": (sp.exp, 1), "log": (sp.log, 1), "sqrt": (sp.sqrt, 1), "abs": (sp.Abs, 1),
-    "sign": (Sign, 1), "min": (least, 2), "max": (greatest, 2),
+    "sign": (Sign, 1), "min": (least, 2), "max": (greatest, 2), "mod": (modulo, 2),
 }  # fmt: skip
 
 
@@ -228,8 +231,13 @@ class _Reader:
                 return -inner, dim
             case ast.UnaryOp(op=ast.UAdd(), operand=operand):
                 return self.node(operand, depth)
+            case ast.Call(
+                func=ast.Attribute(value=ast.Name(id="profile"), attr=name), args=args, keywords=[]
+            ):
+                return self.profile(name, [self.node(a, depth) for a in args])
             case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
-                return self.call(name, [self.node(a, depth) for a in args] if name in FUNCTIONS else [])
+                known = name in FUNCTIONS or f"{name}()" in self.names
+                return self.call(name, [self.node(a, depth) for a in args] if known else [])
         raise self.refuse(f"uses {type(node).__name__}, which is not allowed in a scene")
 
     def operation(self, left: Value, op: ast.operator, right: Value) -> Value:
@@ -255,7 +263,8 @@ class _Reader:
         if name == "pi":
             return sp.pi, NUMBER
         if name not in self.names:
-            alike = [known for known in self.names if ("." in known) == ("." in name)]
+            words = [known for known in self.names if not known.endswith("()")]
+            alike = [known for known in words if ("." in known) == ("." in name)]
             if alike and _FOLLOWING.fullmatch(name):
                 raise SceneError(
                     f"{self.shown} uses {name!r}, a force or an acceleration: it may use positions and "
@@ -268,7 +277,7 @@ class _Reader:
                 measured = measured.replace(output, variable)
             hint = nearest(measured if measured in alike else name, alike)
             raise SceneError(f"{self.shown} uses the unknown name {name!r}", hint=hint)
-        return self.names[name]
+        return cast("Value", self.names[name])
 
     def power(self, base: Value, exponent: Value) -> Value:
         (a, da), (b, db) = base, exponent
@@ -285,15 +294,24 @@ class _Reader:
         return self.finite(a**b), da.power(Fraction(int(b.p), int(b.q)))
 
     def call(self, name: str, arguments: list[Value]) -> Value:
+        if isinstance(table := self.names.get(f"{name}()"), Tabulated):
+            return self.look_up(name, table, arguments)
         if name not in FUNCTIONS:
-            raise self.refuse(f"calls {name!r}, which is not a function of scenes", nearest(name, FUNCTIONS))
+            tables = (n.removesuffix("()") for n in self.names if n.endswith("()"))
+            hint = nearest(name, (*FUNCTIONS, *tables))
+            raise self.refuse(f"calls {name!r}, which is not a function of scenes", hint)
         function, count = FUNCTIONS[name]
         if len(arguments) != count:
             raise self.refuse(f"gives {name} {len(arguments)} arguments instead of {count}")
         dims = [dim for _, dim in arguments]
-        if name in ("min", "max") and dims[0] != dims[1]:
+        if name in ("min", "max", "mod") and dims[0] != dims[1]:
             raise self.refuse(f"gives {name} {describe(dims[0])} and {describe(dims[1])}")
-        if name in ("abs", "min", "max"):
+        if name == "mod":
+            period = _approximate(arguments[1][0])
+            if period is None or not period > 0:
+                hint = "Tunable parameters and what varies in time are none."
+                raise self.refuse("divides in mod by what is not a number above zero", hint)
+        if name in ("abs", "min", "max", "mod"):
             result = dims[0]
         elif name == "sign":
             result = NUMBER
@@ -315,6 +333,25 @@ class _Reader:
             if number is not None and abs(number) > _LARGEST_EXPONENT:
                 raise self.refuse(f"gives {name} a number above {_LARGEST_EXPONENT}")
         return self.finite(function(*values)), result
+
+    def profile(self, name: str, arguments: list[Value]) -> Value:
+        if name not in PROFILES:
+            hint = nearest(name, PROFILES)
+            raise self.refuse(f"calls {f'profile.{name}'!r}, which is not a profile of motion", hint)
+        if len(arguments) != 1 or arguments[0][1] != NUMBER:
+            raise self.refuse(
+                f"expects one plain number in profile.{name}",
+                "Its variable rises from 0 to 1: divide the time by a duration, as in (t - begin)/lasts.",
+            )
+        return self.finite(PROFILES[name](self.finite(arguments[0][0]))), NUMBER
+
+    def look_up(self, name: str, table: Tabulated, arguments: list[Value]) -> Value:
+        if len(arguments) != 1:
+            raise self.refuse(f"gives {name} {len(arguments)} arguments instead of 1")
+        ((x, dimension),) = arguments
+        if dimension != table.of:
+            raise self.refuse(f"gives the table {name} {describe(dimension)} instead of {describe(table.of)}")
+        return self.finite(table.pieces.at(self.finite(x))), table.gives
 
     def refuse(self, reason: str, hint: str = "") -> SceneError:
         return SceneError(f"the expression {self.shown} {reason}", hint=hint)

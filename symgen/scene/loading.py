@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from symgen.calls import checked
 from symgen.errors import SceneError, nearest
+from symgen.scene.tables.files import with_points
 
 if TYPE_CHECKING:
     from symgen.scene.schema import Scene
@@ -72,7 +73,7 @@ def read_scene(source: str | os.PathLike[str]) -> SceneText:
     Raises
     ------
     SceneError
-        When there is no such scene or file, or the file is not TOML.
+        When there is no such scene or file, or the file is not TOML; for a file of points that it names.
     """
     text, path = os.fspath(source), scene_path(source)
     if path.suffix == ".py":
@@ -101,6 +102,13 @@ def read_scene(source: str | os.PathLike[str]) -> SceneText:
         raise SceneError(f"this is not valid TOML: {error}", file=path.name, hint=hint) from None
     if _depth(data) > _DEEPEST:
         raise SceneError(f"expected tables nested at most {_DEEPEST} deep", file=path.name)
+    tables = data.get("tables")
+    if isinstance(tables, dict):
+        for name, table in tables.items():
+            try:
+                tables[name] = with_points(table, path.parent)
+            except SceneError as error:
+                raise error.located(where=f"tables.{name}").located(file=path.name) from None
     return SceneText(_identifier(path.stem), path.name, data)
 
 

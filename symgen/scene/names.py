@@ -24,13 +24,16 @@ _OF_LUG = re.compile(r"(?P<owner>.+)_(lug|foot)")
 
 
 def check_names(scene: Scene) -> None:
-    """Raise SceneError for a parameter, an input, a point or a link whose name has a meaning already."""
+    """Raise SceneError for a named part of a scene whose name has a meaning already."""
     for name, parameter in scene.parameters.items():
         problem = _word(name) or (_quantity(name, scene) if parameter.tunable else "")
         _refuse(problem, f"parameters.{name}")
     for name in scene.inputs:
         twice = f"{name!r} is a parameter already" if name in scene.parameters else ""
         _refuse(_word(name) or _quantity(name, scene) or twice, f"inputs.{name}")
+    for name in scene.tables:
+        kind = "a parameter" if name in scene.parameters else "an input" if name in scene.inputs else ""
+        _refuse(_word(name) or (kind and f"{name!r} is {kind} already"), f"tables.{name}")
     for name in scene.points:
         _refuse(_owner(name) or _added(name, scene), f"points.{name}")
     rows = _rows(scene)

@@ -18,6 +18,8 @@ from symgen.scene.names import is_reserved
 from symgen.scene.rods.linkage import TIME, PlacedPoint, number, state_symbol
 from symgen.scene.rods.run_parameters import Parameter, Text, Written
 from symgen.scene.schema import Scene
+from symgen.scene.tables.knots import check_knots
+from symgen.scene.tables.points import Tabulated, tabulated
 from symgen.scene.units import Dimension, is_quantity
 from symgen.symbolic.calculus import partial
 from symgen.symbolic.constants import vanishes
@@ -42,7 +44,7 @@ class Values:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self.names: dict[str, tuple[sp.Expr, Dimension]] = {}
+        self.names: dict[str, tuple[sp.Expr, Dimension] | Tabulated] = {}
         self.parameters: list[Parameter] = []
         self.defaults: dict[sp.Symbol, sp.Expr] = {}
         self.written = Written()
@@ -57,6 +59,24 @@ class Values:
         #: External signals, after :meth:`read_signals`.
         self.signals: dict[str, tuple[sp.Expr, Dimension]] = {}
         self._read_parameters()
+        self.names |= {f"{name}()": self._table(name) for name in scene.tables}
+
+    def _table(self, name: str) -> Tabulated:
+        """Read a table, whose numbers may be constants of the scene."""
+
+        def read(key: str, text: str | int | float) -> tuple[sp.Expr, Dimension]:
+            with at(f"tables.{name}.{key}"):
+                value, dim = parse_any(text, self.names)
+                if value.free_symbols:
+                    tunable = next(p for p in self.defaults if p in value.free_symbols)
+                    raise SceneError(
+                        f"expected a number, got {text!r} with the tunable parameter {tunable.name}",
+                        hint="Multiply the table by the parameter where it is used.",
+                    )
+                return value, dim
+
+        with at(f"tables.{name}"):
+            return tabulated(name, self.scene.tables[name], read)
 
     def read_signals(self) -> None:
         """Read the table ``inputs``: external signals, the last of the parameters."""
@@ -154,6 +174,8 @@ class Values:
                 hint='Write a smooth function of t, such as "(1 + tanh((t - t1)/w))/2" for a step of width '
                 "w, or a load in place of the drive: loads may use them.",
             )
+        with at(where):
+            check_knots(expression, TIME.symbol, self.defaults)
         for _ in range(2):
             expression = partial(expression, TIME.symbol)
             with at(where):

@@ -35,12 +35,13 @@ from symgen.scene.table import (
     Vector,
     absent,
 )
+from symgen.scene.tables.points import PointsTable
 
 FORMAT_VERSION = 1
 
 #: Tables that every scene may have; all others are of points and links, or of a loop.
 _SHARED = {
-    "symgen", "title", "about", "units", "parameters", "inputs", "gravity", "analysis", "sweep",
+    "symgen", "title", "about", "units", "parameters", "inputs", "tables", "gravity", "analysis", "sweep",
     "optimise",
 }  # fmt: skip
 
@@ -223,6 +224,7 @@ class Scene(Table):
     units: Units = Field(default_factory=lambda: Units.model_validate({}))
     parameters: dict[Name, ParameterTable] = Field(default_factory=dict)
     inputs: dict[Name, Input] = Field(default_factory=dict)
+    tables: dict[Name, PointsTable] = Field(default_factory=dict)
     points: dict[Name, PointTable] = Field(default_factory=dict, min_length=1)
     links: dict[Name, Link] = Field(default_factory=dict, min_length=1)
     loop: SpatialLoop | None = None

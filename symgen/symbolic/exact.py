@@ -11,7 +11,7 @@ import numpy as np
 import sympy as sp
 
 from symgen.errors import DerivationError
-from symgen.symbolic.switch import Sign
+from symgen.symbolic.switch import PieceFunction, PiecewisePolynomial, Sign, as_fraction
 from symgen.symbolic.system import System
 
 DIGITS = 40
@@ -113,7 +113,12 @@ def _value(expression: sp.Basic, known: dict[sp.Basic, Any]) -> Any:
         value = next(_value(e, known) for e, condition in parts if _value(condition, known))
     else:
         of_parts = [_value(part, known) for part in parts]
-        if expression.is_Add:
+        if isinstance(expression, PiecewisePolynomial):
+            value = _value(expression.in_terms, known)
+        elif isinstance(expression, PieceFunction):
+            found = expression.column(*map(as_fraction, of_parts))
+            value = mpmath.mpf(found.numerator) / found.denominator
+        elif expression.is_Add:
             value = mpmath.fsum(of_parts)
         elif expression.is_Mul:
             value = mpmath.fprod(of_parts)

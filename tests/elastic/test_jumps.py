@@ -77,6 +77,21 @@ def test_pulses_shorter_than_a_step_are_not_missed(options, tolerance, tmp_path)
     assert any("steps end on 2 switching points" in note for note in run.notes)
 
 
+def test_steps_end_on_the_points_of_a_table(tmp_path):
+    pushed(tmp_path, RECTANGLE)
+    file = next(tmp_path.glob("*.toml"))
+    at, size = [BEGIN, BEGIN + LASTS, BEGIN + 3 * LASTS], [0, FORCE, 0]
+    points = f"x = {[f'{x!r} s' for x in at]}, y = {[f'{y!r} N' for y in size]}"
+    text = file.read_text().replace(RECTANGLE, "law(t)")
+    file.write_text(f"{text}\n[tables]\nlaw = {{ {points} }}\n")
+    run = symgen.build(file).simulate(samples=21)
+    up, down = FORCE / LASTS, -FORCE / (2 * LASTS)
+    expected = deflection(run.time, [(at[0], up), (at[1], down - up), (at[2], -down)], step=False)
+    error = run["tip.displacement"].values[:, 1] - expected
+    assert np.max(np.abs(error)) < 1e-7 * np.max(np.abs(expected))
+    assert any("steps end on 3 switching points (law(t)" in note for note in run.notes)
+
+
 @pytest.mark.parametrize("precision", ["longdouble", "float128"])
 def test_jumps_are_found_to_the_rounding_of_times_in_any_precision(precision, tmp_path):
     """Times are doubles: nothing smaller can be halved, however precise the motion is."""
@@ -134,7 +149,7 @@ def test_a_motor_that_is_reversed():
     expected = 4 * t + gained * (t**2 / 2 - after**2)
     x, y = run["A.position"].values.T
     assert np.unwrap(np.arctan2(y, x)) == pytest.approx(expected, abs=1e-5)
-    assert any("1 switching point of the loads (sign(0.4 - t)" in note for note in run.notes)
+    assert any("1 switching point (sign(0.4 - t)" in note for note in run.notes)
 
 
 def test_a_motor_whose_torque_jumps_twice_a_revolution_has_a_steady_speed():
@@ -281,7 +296,7 @@ def test_jumps_at_angles_beyond_a_revolution():
     for name in ("coupler.stress", "crank.torque"):
         by_angle, by_time = (run[name].values for run in runs)
         assert by_angle == pytest.approx(by_time, abs=1e-9 * np.max(np.abs(by_time)))
-    assert all(any("1 switching point of" in note for note in run.notes) for run in runs)
+    assert all(any("1 switching point " in note for note in run.notes) for run in runs)
 
 
 @pytest.mark.parametrize(

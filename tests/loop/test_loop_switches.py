@@ -76,6 +76,25 @@ def test_dry_friction_is_followed_through_reversals(options, tolerance, tmp_path
     assert "sign(q.rate) in the drive of q" in note
 
 
+@pytest.mark.parametrize("method", ["dop853", "taylor"])
+def test_a_drive_by_a_table_does_the_work_of_its_lines(method, tmp_path):
+    """An effort by straight lines over the angle: its work is a sum of trapezoids."""
+    build(tmp_path, drive=DRY, rate="3")
+    file = tmp_path / "scene.toml"
+    points = [(2.0, 0.01), (2.6, 0.05), (2.9, -0.04), (3.05, 0.02)]
+    x, y = ([f"{p[i]} {unit}" for p in points] for i, unit in enumerate(("rad", "N*m")))
+    text = file.read_text().replace(DRY, "law(q)")
+    file.write_text(f"{text}\n[tables]\nlaw = {{ x = {x}, y = {y} }}\n")
+    run = symgen.build(file).simulate(0.2, samples=3, method=method, rtol=1e-12, atol=1e-13)
+    angle, grid = run["q"].values[-1], [MIDDLE + START, 2.6, 2.9, 3.05]
+    ends = [*(a for a in grid if a < angle), angle]
+    work = np.trapezoid(np.interp(ends, *zip(*points, strict=True)), ends)
+    assert angle > 3.05
+    assert INERTIA * (run["q.rate"].values[-1] ** 2 - 9) / 2 == pytest.approx(work, abs=1e-11)
+    (note,) = [note for note in run.notes if "switching" in note]
+    assert "3 switching points (law(q) in the drive of q)" in note
+
+
 def test_a_load_on_a_link_has_switching_points(tmp_path):
     """A force along the ground at the coupler, F sign(t - b): its work in a closed form of the crank's angle."""
     load = '\n[[loop.loads]]\nlink = "l2"\nat = [0, 0, 0]\nforce = ["force*sign(t - b)", 0, 0]\nframe = "ground"\n'
@@ -85,7 +104,7 @@ def test_a_load_on_a_link_has_switching_points(tmp_path):
     work = 0.1 * 0.5 * (math.cos(start) - math.cos(at) + math.cos(end) - math.cos(at))
     assert INERTIA * run["q.rate"].values[-1] ** 2 / 2 == pytest.approx(INERTIA * 9 / 2 + work, rel=1e-9)
     assert abs(work) > 1e-4
-    assert any("1 switching point of the loads (sign(t" in note for note in run.notes)
+    assert any("1 switching point (sign(t" in note for note in run.notes)
     assert any("in [[loop.loads]] no. 1" in note for note in run.notes)
 
 

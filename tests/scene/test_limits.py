@@ -17,7 +17,12 @@ from symgen.scene.expressions import FUNCTIONS, parse_any, parse_value
 from symgen.scene.units import COMMON, NUMBER, Dimension, parse_quantity
 
 X, L = sp.Symbol("x", real=True), sp.Symbol("l", real=True)
-NAMES = {"x": (X, NUMBER), "l": (L, units.LENGTH), "b": (sp.Rational(3, 7), NUMBER)}
+NAMES = {
+    "x": (X, NUMBER),
+    "l": (L, units.LENGTH),
+    "b": (sp.Rational(3, 7), NUMBER),
+    "d": (sp.Integer(2), units.LENGTH),
+}
 
 
 @pytest.fixture(scope="module")
@@ -74,9 +79,9 @@ def test_functions_of_symbols_and_their_dimensions(name):
     function, count = FUNCTIONS[name]
     text = f"{name}({', '.join(['x', 'b'][:count])})"
     assert parse_any(text, NAMES) == (function(*[X, sp.Rational(3, 7)][:count]), NUMBER)
-    length = f"{name}({', '.join(['l', '2*l'][:count])})"
+    length = f"{name}({', '.join(['l', 'd'][:count])})"
     expected = {"sqrt": units.LENGTH.power(Fraction(1, 2)), "atan2": NUMBER, "sign": NUMBER}
-    expected |= dict.fromkeys(("abs", "min", "max"), units.LENGTH)
+    expected |= dict.fromkeys(("abs", "min", "max", "mod"), units.LENGTH)
     if name in expected:
         assert parse_any(length, NAMES)[1] == expected[name]
     else:

@@ -60,6 +60,7 @@ struct sizes {
                               vanish */
     long events;           /* values that `events` writes for events */
     long switches;         /* values for switching points, whose branches are the last parameters */
+    long tables;           /* of these the last are knots of tables, whose branches are pieces: 2 i + 1 from knot i on */
     long windings;         /* values for angles in loads, whose references are the parameters before these; or choices
                               */
     long turns;            /* continuous angles of links: `events` writes them last, then their rates; or the usual

@@ -33,6 +33,7 @@ static struct sizes as_equations(const struct loop_sizes *s) {
     made.choices = made.windings = s->balls;
     made.turns = s->balls ? s->n : 0;
     made.switches = s->switches;
+    made.tables = s->tables;
     made.rank_tolerance = (double)RANK_TOLERANCE;
     return made;
 }

@@ -39,7 +39,7 @@ struct loop_sizes {
     long extra;                  /* 1 if the work of loads without potential is integrated */
     long solved, inputs, unknown, known; /* sizes of the groups of variables, in the order of `numbers` */
     long balls;                  /* ball joints with alternative angles near their poles */
-    long switches;               /* switching points, whose branches are the last parameters */
+    long switches, tables;       /* switching points, whose branches are the last parameters, see struct sizes */
     long series_rows, series_watched; /* see struct sizes */
     long rank;                   /* generic rank of the screws of the solved variables */
     double size;                 /* the length that scales displacements and moments [m] */

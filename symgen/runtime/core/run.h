@@ -27,6 +27,8 @@ enum { TOUCHES = -1 };
 /* Properties of an event: it ends the run; its value is an angle, continued over revolutions; its value has no power
    series. */
 enum { ENDS_RUN = 1, REVOLVES = 2, PROBED = 4 };
+/* The branch that asks a table for its piece, in place of the distance from a knot. */
+enum { WHICH_PIECE = 1000000000 };
 
 /* Task of a run. */
 struct task {

@@ -1,7 +1,7 @@
-/* Switching points: zeros of the argument of a sign or of an absolute value in a load.
+/* Switching points: zeros of the argument of a sign or of an absolute value in a load, and knots of tables.
  *
- * In a step every load stays on one branch, so that it is smooth; the branches are parameters, 1 or -1, constant in a
- * step. A step that passes a switching point is repeated up to the point, the branch changes there, and the method
+ * In a step every load stays on one branch, so that it is smooth; the branches are parameters, 1 or -1, of tables odd
+ * numbers of pieces, constant in a step. Distances change their sign from each piece to the next. A step that passes a switching point is repeated up to the point, the branch changes there, and the method
  * restarts. If both branches lead back to the point (friction at rest), the motion slides along it, and the run ends.
  *
  * A method with power series has the polynomials of the arguments over the step, whose first zero is the switching point.
@@ -29,9 +29,23 @@ static real *branch_of(struct run *run, long k) {
     return run->e->p + sizes->parameters - sizes->switches + k;
 }
 
-static void hold(struct run *run, long k, int branch) {
-    *branch_of(run, k) = R(branch);
+static void hold(struct run *run, long k, real branch) {
+    *branch_of(run, k) = branch;
     set_up(run->e);
+}
+
+/* The sign of the distance on a branch: of pieces 2 i + 1 it is that of 1 for even i. */
+static real side(real branch) {
+    const long odd = (long)branch;
+    return odd % 4 == 1 || odd % 4 == -3 ? R(1) : R(-1);
+}
+
+static real side_of(struct run *run, long k) {
+    return side(*branch_of(run, k));
+}
+
+static int is_knot(const struct run *run, long k) {
+    return k >= run->e->sizes.switches - run->e->sizes.tables;
 }
 
 /* Write the distances from all switching points at a state. */
@@ -78,18 +92,49 @@ static real scale_of(const struct run *run) {
     return run->state->h > 0 ? run->state->h : R(1e-6) * (R(run->task.t_end) - run->state->t);
 }
 
+/* Return the branch at the state. */
+static real found_branch(struct run *run, long k) {
+    if (!is_knot(run, k))
+        return distances(run, run->state->t, run->y)[k] < 0 ? -1 : 1;
+    hold(run, k, R(WHICH_PIECE));
+    return distances(run, run->state->t, run->y)[k];
+}
+
+/* Return the other branch at a switching point: of a table that of the two next to it on which the state is. Where there
+   is no piece, the distance is not a number. */
+static real other_branch(struct run *run, long k) {
+    const real branch = *branch_of(run, k);
+    real at[2];
+    if (!is_knot(run, k))
+        return -branch;
+    for (int i = 0; i < 2; i++) {
+        const real next = branch + (i ? R(2) : R(-2));
+        hold(run, k, next);
+        at[i] = side(next) * distances(run, run->state->t, run->y)[k];
+    }
+    return branch + (at[0] != at[0] || at[1] > at[0] ? R(2) : R(-2));
+}
+
+/* Find the pieces of tables again whose arguments jump at a switching point. */
+static void find_again(struct run *run, long point) {
+    const struct sizes *sizes = &run->e->sizes;
+    for (long k = sizes->switches - sizes->tables; k < sizes->switches; k++)
+        if (k != point && distances(run, run->state->t, run->y)[k] * side_of(run, k) < -blur(run, k, run->state->t, run->y))
+            hold(run, k, found_branch(run, k));
+}
+
 /* Write the derivative on this branch to run->f; return the rate at which the state leaves the point. */
-static real leaving(struct run *run, long k, int branch) {
+static real leaving(struct run *run, long k, real branch) {
     struct state *s = run->state;
     hold(run, k, branch);
     run->e->of->derivative(run->e, s->t, run->y, run->f);
-    return R(branch) * rate_of(run, k, s->t, run->y, run->f, scale_of(run));
+    return side(branch) * rate_of(run, k, s->t, run->y, run->f, scale_of(run));
 }
 
 int begin_switches(struct run *run) {
     struct state *s = run->state;
     for (long k = 0; k < run->e->sizes.switches; k++) {
-        hold(run, k, distances(run, s->t, run->y)[k] < 0 ? -1 : 1);
+        hold(run, k, found_branch(run, k));
         run->switched[k] = s->t;
     }
     for (long k = 0; k < run->e->sizes.switches; k++) {
@@ -97,10 +142,9 @@ int begin_switches(struct run *run) {
         run->farthest[k] = far;
         if (far > least)
             continue;
-        real above = leaving(run, k, 1);
-        if (above * scale_of(run) >= -least)
+        if (leaving(run, k, is_knot(run, k) ? *branch_of(run, k) : R(1)) * scale_of(run) >= -least)
             continue;
-        if (leaving(run, k, -1) * scale_of(run) < -least) {
+        if (leaving(run, k, other_branch(run, k)) * scale_of(run) < -least) {
             s->slid = k;
             return SLIDING;
         }
@@ -108,7 +152,7 @@ int begin_switches(struct run *run) {
     return DONE;
 }
 
-/* Evaluate the distances times their branches along the step: negative values are behind the point. */
+/* Evaluate the distances times the signs of their branches along the step: negative values are behind the point. */
 static void look_along(struct run *run, real t_new, real h) {
     long switches = run->e->sizes.switches;
     for (int j = 0; j <= SWITCH_PROBES; j++) {
@@ -118,22 +162,22 @@ static void look_along(struct run *run, real t_new, real h) {
             hermite(run, h, theta, run->stage);
         at = distances(run, t, y);
         for (long k = 0; k < switches; k++)
-            run->switch_gaps[j * switches + k] = at[k] * *branch_of(run, k);
+            run->switch_gaps[j * switches + k] = at[k] * side_of(run, k);
     }
 }
 
-/* Return the distance from a switching point on the interpolant of the step, times its branch. */
+/* Return the distance from a switching point on the interpolant of the step, times the sign of its branch. */
 static real on_the_way(struct run *run, real h, long k, real theta) {
     move_to(run, h, theta);
-    return run->e->gaps[run->e->sizes.events + k] * *branch_of(run, k);
+    return run->e->gaps[run->e->sizes.events + k] * side_of(run, k);
 }
 
 /* Return the position between two others at which the interpolant passes a switching point; 2 if it does not. */
 static real passed_at(struct run *run, real h, long k, real start, real b) {
     const long index = run->e->sizes.events + k;
     real a = start, from, to;
-    to = b < 1 ? on_the_way(run, h, k, b) : distances(run, run->state->t + h, run->y_new)[k] * *branch_of(run, k);
-    from = a > 0 ? on_the_way(run, h, k, a) : distances(run, run->state->t, run->y)[k] * *branch_of(run, k);
+    to = b < 1 ? on_the_way(run, h, k, b) : distances(run, run->state->t + h, run->y_new)[k] * side_of(run, k);
+    from = a > 0 ? on_the_way(run, h, k, a) : distances(run, run->state->t, run->y)[k] * side_of(run, k);
     if (!(to < 0))
         return 2;
     /* If the last step ended at the point, the state may leave it and return. */
@@ -146,7 +190,7 @@ static real passed_at(struct run *run, real h, long k, real start, real b) {
     }
     if (!(from > 0))
         return start;
-    return narrowed(run, h, index, a, from * *branch_of(run, k), b, to * *branch_of(run, k));
+    return narrowed(run, h, index, a, from * side_of(run, k), b, to * side_of(run, k));
 }
 
 /* Return the first switching point in the step (-1: none) and its position theta. */
@@ -188,7 +232,7 @@ static long first_zero(struct run *run, real t_new, real h, real *theta) {
         if (z.degree < 0)
             return first_passed(run, t_new, h, theta);
         for (long i = 0; i <= z.degree; i++)
-            c[i] *= *branch_of(run, k);
+            c[i] *= side_of(run, k);
         const real reach = reach_of(c, z.degree);
         if (c[0] >= reach)
             continue;
@@ -272,7 +316,9 @@ int end_at_switch(struct run *run, real *t_new, real *h, long *crossed) {
 int switch_over(struct run *run, long k) {
     struct state *s = run->state;
     real least = blur(run, k, s->t, run->y), h = scale_of(run);
-    int branch = *branch_of(run, k) > 0 ? -1 : 1;
+    const real branch = other_branch(run, k);
+    hold(run, k, branch);
+    find_again(run, k);
     s->flips = s->t_switched == s->t && s->switchings ? s->flips + 1 : 0;
     /* After two switches of a point, the next step must not extend over many more. */
     if (run->scheme.adaptive && run->switched[k] < s->t && run->switched[k] > R(run->task.t0))

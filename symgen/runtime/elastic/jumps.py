@@ -36,7 +36,7 @@ _NOTHING = 1e-12
 
 @dataclass(slots=True)
 class _Before:
-    """Continuous angles, and sides of the switching points, at the last look of the block before."""
+    """Continuous angles, and sides of the switching points or pieces of tables, at the last look before."""
 
     angles: Array
     sides: Array
@@ -104,21 +104,22 @@ def _passed(
     """Return a time before and one after every point passed between two of the times, by halving."""
     continuous = _angles(motion, times, before)
     angles = np.round(continuous / _QUARTER) * _QUARTER
-    sides = np.sign(_distances(motion, times, angles))
+    sides = _sides(motion, times, angles)
     if before is not None:
         sides[0] = np.where(sides[0] == 0.0, before.sides, sides[0])
     for row in range(1, len(sides)):
         sides[row] = np.where(sides[row] == 0.0, sides[row - 1], sides[row])
-    places, which = np.nonzero(sides[:-1] * sides[1:] < 0.0)
-    low, high, after = times[places], times[places + 1], sides[places + 1, which]
+    places, which = np.nonzero((sides[:-1] != sides[1:]) & (sides[:-1] != 0.0))
+    low, high, first = times[places], times[places + 1], sides[places, which]
     angles = angles[places]
     while np.any(wide := high - low > blur):
         check_wall("looking for jumps of the loads")
         middle = (low + high) / 2
         order = np.argsort(middle[wide], kind="stable")
         back = np.argsort(order)
-        rows = _distances(motion, middle[wide][order], angles[wide][order])[back]
-        beyond = rows[np.arange(len(rows)), which[wide]] * after[wide] > 0.0
+        rows = _sides(motion, middle[wide][order], angles[wide][order])[back]
+        here = rows[np.arange(len(rows)), which[wide]]
+        beyond = (here != first[wide]) & (here != 0.0)
         high[wide] = np.where(beyond, middle[wide], high[wide])
         low[wide] = np.where(beyond, low[wide], middle[wide])
     begins = np.flatnonzero((sides[0] == 0.0) & (sides[1] != 0.0)).tolist() if before is None else []
@@ -147,14 +148,20 @@ def _angles(motion: ElasticMotion, times: Array, before: _Before | None) -> Arra
     return np.unwrap(angles, axis=0)
 
 
-def _distances(motion: ElasticMotion, times: Array, references: Array) -> Array:
-    """Return the distances from all switching points at rising times, (times, points)."""
+def _sides(motion: ElasticMotion, times: Array, references: Array) -> Array:
+    """Return the sides of all switching points at rising times, of tables the pieces, (times, points)."""
     evaluator, (q, u) = motion.rigid.evaluator, _states(motion, times)
-    distances = np.zeros((len(times), len(motion.rigid.description.switches)))
-    for parameters, rows in wound(evaluator, references):
+    description = motion.rigid.description
+    signs = len(description.switches) - description.tables
+    distances = np.zeros((len(times), len(description.switches)))
+    last = description.of_held.stop
+    for values, rows in wound(evaluator, references):
+        parameters = values.copy()
+        parameters[last - description.tables : last] = _core.WHICH_PIECE
         of = type(evaluator)(evaluator.description, evaluator.library, parameters)
         gaps = of.many_blocks("events", times[rows], q[rows], u[rows])["switches"]
         distances[rows] = gaps.reshape(len(rows), -1)
+    distances[:, :signs] = np.sign(distances[:, :signs])
     return distances
 
 

@@ -169,7 +169,8 @@ class Description(Described):
     ``lugs`` are rigid joints of points off elastic links, with points on the line ("" if named). ``drawn`` is
     the number of points of the scene, the first. ``gears`` are the numbers of teeth by link, with that of the
     carrier. ``first_pivot`` is a place in ``work`` of 'factor'. ``series_rows`` counts the coefficients of
-    one order of power series in time, ``series_watched`` those of the kernel 'events' among them.
+    one order of power series in time, ``series_watched`` those of the kernel 'events' among them. ``tables``
+    counts the ``switches`` that are knots of tables, the last ones.
     """
 
     axes: tuple[str, ...]
@@ -195,6 +196,7 @@ class Description(Described):
     turns: tuple[str, ...] = ()
     gears: tuple[dict[str, int], ...] = ()
     switches: tuple[str, ...] = ()
+    tables: int = 0
     pulses: tuple[int, ...] = ()
     steady: tuple[str, ...] = ()
     prescribed: tuple[int, ...] = ()
@@ -325,8 +327,8 @@ class LoopDescription(Described):
     beginning of the range, or the first value of it at which the loop closes. ``assembly_tolerance`` is the
     defect of closure [m], of rotations times the size of the loop, that dependent equations may leave.
     ``inputs`` are the parameters that are external signals, the last of the tunable ones. The turns in front
-    of ``balls`` and the branches of ``switches`` are the last parameters. ``series_rows`` and
-    ``series_watched`` are those of :class:`Description`.
+    of ``balls`` and the branches of ``switches`` are the last parameters. ``tables``,
+    ``series_rows`` and ``series_watched`` are those of :class:`Description`.
     """
 
     method: ClassVar[str] = "loop"
@@ -343,6 +345,7 @@ class LoopDescription(Described):
     assembly_tolerance: float = 0.0
     balls: tuple[BallInfo, ...] = ()
     switches: tuple[str, ...] = ()
+    tables: int = 0
     inputs: tuple[str, ...] = ()
     series_rows: int = 0
     series_watched: int = 0

@@ -167,6 +167,7 @@ class Evaluator(Kernels):
             series_watched=d.series_watched,
             events=len(d.events),
             switches=len(d.switches),
+            tables=d.tables,
             windings=d.windings,
             turns=len(d.turns),
             core=library_of_type.stepping if library_of_type else _core.DOUBLE,

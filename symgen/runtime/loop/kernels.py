@@ -107,6 +107,7 @@ class LoopKernels(Kernels):
             tolerance=self.tolerance,
             balls=[ball.angles for ball in d.balls],
             switches=len(d.switches),
+            tables=d.tables,
             work_of_loads=work_of_loads,
             series_rows=d.series_rows,
             series_watched=d.series_watched,

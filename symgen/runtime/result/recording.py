@@ -352,12 +352,12 @@ def _of_stiffness(stepper: _core.Run, chosen: Options) -> Iterator[str]:
 
 
 def of_switches(switches: tuple[str, ...], passed: int) -> Iterator[str]:
-    """Yield the note on the switching points of loads on which steps ended, with their number."""
+    """Yield the note on the switching points on which steps ended, with their number."""
     if passed:
         named = (s if len(s) <= _LONGEST else f"in {s.rpartition(' in ')[2]}" for s in switches)
         jumps = "; ".join([*dict.fromkeys(named)][:_SHOWN])
         points = "1 switching point" if passed == 1 else f"{passed} switching points"
-        yield f"steps end on {points} of the loads ({jumps})"
+        yield f"steps end on {points} ({jumps})"
 
 
 def notes_on_events(evaluator: Evaluator, stepper: _core.Run) -> Iterator[str]:

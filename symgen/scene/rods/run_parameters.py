@@ -11,6 +11,7 @@ import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.scene.expressions import Names, parse_any
+from symgen.scene.tables.points import Tabulated
 from symgen.scene.units import Dimension
 from symgen.symbolic.constants import with_pi
 from symgen.symbolic.quantity import Quantity
@@ -86,7 +87,7 @@ class Written:
 class Reads(Protocol):
     """What reads the values of a scene."""
 
-    names: dict[str, tuple[sp.Expr, Dimension]]
+    names: dict[str, tuple[sp.Expr, Dimension] | Tabulated]
     defaults: dict[sp.Symbol, sp.Expr]
     parsed: dict[Any, sp.Expr]
     mirror: Any
@@ -137,13 +138,15 @@ class Switch:
     """A jump or a kink of a load where ``gap``, of the time t and the state, passes zero.
 
     ``branch`` is held by a run during a step; ``text`` is the jump as written, with its location. A
-    ``smooth`` one is the middle of a pulse, where the load neither jumps nor has a kink.
+    ``smooth`` one is the middle of a pulse, where the load neither jumps nor has a kink. With ``pieces`` the
+    branch is that of a table: zeros are its knots.
     """
 
     gap: sp.Expr
     branch: Quantity
     text: str
     smooth: bool = False
+    pieces: bool = False
 
 
 @dataclass(frozen=True, slots=True)

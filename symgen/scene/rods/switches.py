@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import replace
 from functools import partial
 from itertools import count
+from typing import Any
 
 import sympy as sp
 
@@ -14,7 +15,7 @@ from symgen.scene.loop.loop import JointVariable, Loop, LoopLoad
 from symgen.scene.rods.linkage import TIME, Linkage, Vector
 from symgen.scene.rods.run_parameters import Parameter, Switch
 from symgen.symbolic.quantity import quantity
-from symgen.symbolic.switch import Sign
+from symgen.symbolic.switch import PiecewisePolynomial, Sign
 
 #: Functions that change about an argument of zero, and hardly elsewhere.
 _EDGES = (sp.tanh, sp.cosh, sp.atan)
@@ -38,6 +39,7 @@ def with_switches(linkage: Linkage) -> Linkage:
             for table, i, load in linkage.placed_loads
         ),
         crank=crank and replace(crank, torque=switches.with_branches("[crank]", crank.torque, crank.link)),
+        **_prescribed(linkage, switches),
     )
     for where, expressions, variable in loads_of(linkage):
         switches.stop_at_pulses(where, expressions, variable)
@@ -48,8 +50,26 @@ def with_switches(linkage: Linkage) -> Linkage:
     return replace(
         changed,
         parameters=(*linkage.parameters, *switches.branches),
-        switches=tuple(switches.switches),
+        switches=switches.switches,
     )
+
+
+def _prescribed(linkage: Linkage, switches: _Switches) -> dict[str, Any]:
+    """Return the prescribed motions of a linkage, whose tables have knots."""
+    return {
+        "drivers": tuple(
+            replace(d, angle=switches.with_branches(f"the drive of {d.link}", d.angle))
+            for d in linkage.drivers
+        ),
+        "points": tuple(
+            replace(p, motion=tuple(switches.with_branches(f"the motion of {p.name}", x) for x in p.motion))
+            for p in linkage.points
+        ),
+        "links": tuple(
+            replace(k, length=switches.with_branches(f"the length of {k.name}", k.length))
+            for k in linkage.links
+        ),
+    }
 
 
 def with_switches_of_loop(loop: Loop) -> Loop:
@@ -83,9 +103,7 @@ def with_switches_of_loop(loop: Loop) -> Loop:
         loads=tuple(loaded(i, load) for i, load in enumerate(loop.loads)),
         variables=tuple(driven(v) for v in loop.variables),
     )
-    return replace(
-        changed, parameters=(*loop.parameters, *switches.branches), switches=tuple(switches.switches)
-    )
+    return replace(changed, parameters=(*loop.parameters, *switches.branches), switches=switches.switches)
 
 
 def _without_switches(linkage: Linkage) -> Linkage:
@@ -125,7 +143,12 @@ class _Switches:
         self._words = words or {}
         self._this = ""
         self._branches: dict[sp.Expr, sp.Expr] = {}
-        self.switches: list[Switch] = []
+        self._found: list[Switch] = []
+
+    @property
+    def switches(self) -> tuple[Switch, ...]:
+        """The switching points, those of tables behind the others."""
+        return tuple(sorted(self._found, key=lambda s: s.pieces))
 
     @property
     def branches(self) -> tuple[Parameter, ...]:
@@ -149,25 +172,43 @@ class _Switches:
                 self._branch(where, gap, node, smooth=True)
 
     def _of(self, where: str, expression: sp.Expr) -> sp.Expr:
-        if not expression.has(sp.Abs, Sign):
+        if not expression.has(sp.Abs, Sign, PiecewisePolynomial):
             return expression
         rebuilt = expression.func(*(self._of(where, a) for a in expression.args))
+        if isinstance(rebuilt, PiecewisePolynomial):
+            return rebuilt if rebuilt.free_symbols <= self._constant else self._knots(where, rebuilt)
         if rebuilt.func not in (sp.Abs, Sign) or rebuilt.free_symbols <= self._constant:
             return rebuilt
         (gap,) = rebuilt.args
         sign = self._branch(where, gap, expression)
         return gap * sign if rebuilt.func is sp.Abs else sign
 
+    def _knots(self, where: str, of: PiecewisePolynomial) -> sp.Expr:
+        """Return a function in pieces as a run holds it; functions of equal knots have one branch."""
+        x, pieces = of.args[0], of.pieces
+        knots = sp.Tuple(x, *map(sp.Rational, (*pieces.knots, pieces.period)))
+        if knots not in self._branches:
+            name = self._name()
+            text = f"{pieces.of(_written(x.xreplace(self._words), self._this))} in {where}"
+            b = quantity(name, "1", f"branch of {text}: 0, or the piece while a run holds it")
+            self._found.append(Switch(pieces.gap(x, b.symbol), b, text, pieces=True))
+            self._branches[knots] = b.symbol
+        return of.func(x, self._branches[knots])
+
+    def _name(self) -> str:
+        name = next(n for n in map("switch_{}".format, count()) if n not in self._taken)
+        self._taken.add(name)
+        return name
+
     def _branch(self, where: str, gap: sp.Expr, written: sp.Expr, smooth: bool = False) -> sp.Expr:
         """Return the sign of a gap with its branch; gaps that differ by a sign have one branch."""
         if -gap in self._branches:
             return -self._branches[-gap]
         if gap not in self._branches:
-            name = next(n for n in map("switch_{}".format, count()) if n not in self._taken)
-            self._taken.add(name)
+            name = self._name()
             text = f"{_written(written.xreplace(self._words), self._this)} in {where}"
             b = quantity(name, "1", f"branch of {text}: 0, or 1 and -1 while a run holds it")
-            self.switches.append(Switch(gap, b, text, smooth))
+            self._found.append(Switch(gap, b, text, smooth))
             self._branches[gap] = b.symbol + (1 - b.symbol**2) * Sign(gap)
         return self._branches[gap]
 

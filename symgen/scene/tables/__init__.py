@@ -1,0 +1,1 @@
+"""Functions given by tables of points, and profiles of motion."""

@@ -1,0 +1,239 @@
+"""Tables, profiles and remainders in loads and drives: against SciPy's interpolation and closed forms."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import quad, solve_ivp
+from scipy.interpolate import CubicSpline, PchipInterpolator
+
+import symgen
+
+AT = [0, 30, 55, 90, 140, 200, 260, 300, 330]
+FORCES = [1, 8, 5, 3, 2, 1, 1.5, 2, 4]
+RATE, END = 2.0, 5.0
+TURN = 2 * math.pi
+
+
+def crank(force="gas(crank.angle)", kind="pchip", end=END, outputs=("crank.angle",), **tables):
+    """A rod of 1 m and 1 kg about its end, with a force along x at its tip."""
+    gas = {"x": [f"{x} deg" for x in AT], "y": [f"{y} N" for y in FORCES], "kind": kind, "period": "360 deg"}
+    return symgen.Scene(
+        tables={"gas": gas, **tables},
+        parameters={"k": {"value": 1, "tunable": True}, "T": "0.4 s"},
+        points={"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["1 m", "0 m"]}},
+        links={"crank": {"points": ["O", "A"], "mass": "1 kg"}},
+        forces=[{"point": "A", "force": [force, "0 N"]}],
+        start={"rates": {"crank": f"{RATE} rad/s"}},
+        analysis={"t_end": f"{end} s", "outputs": list(outputs)},
+    )
+
+
+def interpolated(kind):
+    """SciPy's function of the angle [rad], with a period of a revolution."""
+    x, y = np.deg2rad([*AT, 360]), np.array([*FORCES, FORCES[0]])
+    if kind == "linear":
+        return lambda a: np.interp(a % TURN, x, y)
+    if kind == "cubic":
+        spline = CubicSpline(x, y, bc_type="periodic")
+        return lambda a: spline(a % TURN)
+    wide = np.concatenate([x[:-1] - TURN, x, x[1:] + TURN])
+    pchip = PchipInterpolator(wide, np.concatenate([y[:-1], y, y[1:]]))
+    return lambda a: pchip(a % TURN)
+
+
+def balance(force, angle, rate):
+    """The energy that is missing: I (rate^2 - RATE^2)/2 + the integral of the force times the sine."""
+    ends = np.deg2rad([x + turn for turn in (-360, 0, 360) for x in AT])
+    inner = [0.0, *sorted((e for e in ends if min(0, angle) < e < max(0, angle)), reverse=angle < 0), angle]
+    parts = pairwise(inner)
+    work = sum(quad(lambda a: force(a) * math.sin(a), a, b, epsabs=1e-14)[0] for a, b in parts)
+    return (rate**2 - RATE**2) / 6 + work
+
+
+@pytest.mark.parametrize("kind", ["linear", "pchip", "cubic"])
+@pytest.mark.parametrize(
+    ("options", "tolerance"),
+    [
+        ({"method": "dop853", "rtol": 1e-11}, 1e-10),
+        ({"method": "taylor", "rtol": 1e-11}, 1e-10),
+        ({"method": "rk4", "step": 5e-3}, 1e-8),
+    ],
+    ids=str,
+)
+def test_a_force_by_a_table_does_the_work_of_its_interpolation(kind, options, tolerance):
+    backend = "c" if options["method"] == "taylor" else "numpy"
+    model = symgen.build(crank(kind=kind, outputs=["crank.angle", "crank.angular_velocity"]), backend=backend)
+    for end in (1.3, END):
+        run = model.simulate(end, samples=2, **options)
+        last = [float(run[name][-1]) for name in ("crank.angle", "crank.angular_velocity")]
+        assert balance(interpolated(kind), *last) == pytest.approx(0, abs=tolerance)
+
+
+def test_steps_end_on_every_point_however_long_they_are():
+    """A force of 1e-9 N hardly matters, so that steps extend over many points."""
+    run = symgen.build(crank("1e-9*gas(crank.angle)", end=31.5)).simulate(method="dop853", samples=2)
+    angle = float(run["crank.angle"][-1])
+    passed = sum(0 < math.radians(x) + TURN * turn < angle for turn in range(12) for x in AT)
+    assert angle > 9 * TURN
+    assert any(f"steps end on {passed} switching points (gas(" in note for note in run.notes)
+
+
+def test_results_agree_in_all_number_types_and_backends():
+    reference = float(symgen.build(crank(), precision="float128").simulate(rtol=1e-20)["crank.angle"][-1])
+    for options, tolerance in (
+        ({"precision": "float32"}, 1e-4),
+        ({"precision": "longdouble"}, 1e-9),
+        ({"backend": "numpy"}, 1e-9),
+    ):
+        found = float(symgen.build(crank(), **options).simulate(method="dop853")["crank.angle"][-1])
+        assert found == pytest.approx(reference, abs=tolerance)
+
+
+@pytest.mark.parametrize("kind", ["linear", "cubic"])
+@pytest.mark.parametrize("method", ["dop853", "taylor"])
+def test_derivatives_along_a_run_pass_the_points(kind, method):
+    model = symgen.build(crank("k*gas(crank.angle)", kind=kind))
+    options = {"coordinates": ["crank.angle"], "t_end": END, "method": method, "rtol": 1e-11}
+    found = model.sensitivity(["crank.angle"], ["k"], **options).derivatives[0, 0]
+    h = 1e-3
+    values = [
+        float(model.with_parameters(k=1 + i * h).simulate(method="taylor", rtol=1e-13)["crank.angle"][-1])
+        for i in (-2, -1, 1, 2)
+    ]
+    assert found == pytest.approx(np.dot([1, -8, 8, -1], values) / (12 * h), rel=1e-8)
+
+
+def test_many_runs_are_single_runs():
+    model = symgen.build(crank("k*gas(crank.angle)"))
+    many = model.simulate_many({"k": [0.5, 1.5]}, samples=2)
+    for i, k in enumerate((0.5, 1.5)):
+        one = model.with_parameters(k=k).simulate(samples=2)["crank.angle"][-1]
+        assert float(many["crank.angle"][i, -1]) == float(one)
+
+
+def test_without_a_period_the_ends_are_kept():
+    """Equal forces at both ends of a free bar of 2 kg: its momentum is the integral of both."""
+    law = {"x": ["0.1 s", "0.3 s"], "y": ["2 N", "6 N"]}
+    scene = symgen.Scene(
+        tables={"law": law},
+        points={"A": {"at": ["0 m", "1 m"]}, "B": {"at": ["1 m", "1 m"]}},
+        links={"bar": {"points": ["A", "B"], "mass": "2 kg"}},
+        forces=[{"point": point, "force": ["law(t)", "0 N"]} for point in "AB"],
+        analysis={"t_end": "0.5 s", "outputs": ["B.velocity"]},
+    )
+    run = symgen.build(scene).simulate(rtol=1e-12)
+    assert float(run["B.velocity.x"][-1]) == pytest.approx(0.1 * 2 + 0.2 * 4 + 0.2 * 6, rel=1e-13)
+
+
+def driven(angle, **tables):
+    """A crank with a prescribed angle and a rod that hangs at its end."""
+    return symgen.Scene(
+        tables=tables,
+        parameters={"T": "0.4 s"},
+        points={
+            "O": {"at": ["0 m", "0 m"], "ground": True},
+            "A": {"at": ["0.04 m", "0 m"]},
+            "B": {"at": ["0.14 m", "0 m"]},
+        },
+        links={
+            "crank": {"points": ["O", "A"], "mass": "1 kg"},
+            "rod": {"points": ["A", "B"], "mass": "0.5 kg"},
+        },
+        drivers=[{"link": "crank", "angle": angle}],
+        gravity={"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
+        start={"rates": {"rod": "0 rad/s"}},
+        analysis={
+            "t_end": "1.3 s",
+            "outputs": ["rod.angle", "crank.angle", "crank.angular_acceleration", "crank.torque"],
+        },
+    )
+
+
+LAW = {
+    "x": ["0 s", "0.2 s", "0.5 s", "0.7 s", "0.85 s"],
+    "y": ["0 deg", "20 deg", "60 deg", "70 deg", "30 deg"],
+    "kind": "cubic",
+    "period": "1 s",
+}
+
+
+@pytest.mark.parametrize("method", ["taylor", "dop853"])
+def test_a_drive_by_a_spline_moves_a_rod_as_lagranges_equation_does(method):
+    """The rod about A: (l/3) p'' = -(a_y + g) cos(p)/2 + a_x sin(p)/2."""
+    spline = CubicSpline(
+        [0, 0.2, 0.5, 0.7, 0.85, 1.0], np.deg2rad([0, 20, 60, 70, 30, 0]), bc_type="periodic"
+    )
+
+    def rates(t, y):
+        angle, w, e = (float(spline(t % 1, k)) for k in range(3))
+        x = -0.04 * (math.sin(angle) * e + math.cos(angle) * w * w)
+        v = 0.04 * (math.cos(angle) * e - math.sin(angle) * w * w)
+        return [y[1], 15 * (x * math.sin(y[0]) - (v + 9.81) * math.cos(y[0]))]
+
+    y, knots = [0.0, 0.0], [0, 0.2, 0.5, 0.7, 0.85, 1.0, 1.2, 1.3]
+    for a, b in pairwise(knots):
+        span = a + 1e-15, b - 1e-15
+        y = solve_ivp(rates, span, y, method="DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
+    run = symgen.build(driven("law(t)", law=LAW)).simulate(method=method, rtol=1e-12, samples=2)
+    assert float(run["rod.angle"][-1]) == pytest.approx(y[0], abs=1e-10)
+    assert float(run["crank.angle"][-1]) == pytest.approx(float(spline(0.3)), abs=1e-13)
+
+
+#: Greatest velocity and acceleration, over 1/T and 1/T^2, in closed form.
+PEAKS = {
+    "trapezoid": (1.5, 4.5),
+    "s_curve": (1.5, 9.0),
+    "cycloidal": (2.0, TURN),
+    "modified_sine": (4 * math.pi / (4 + math.pi), 4 * math.pi**2 / (4 + math.pi)),
+    "poly345": (1.875, 10 / math.sqrt(3)),
+    "poly4567": (2.1875, 7.513189),
+}
+
+
+@pytest.mark.parametrize("name", PEAKS)
+def test_profiles_rise_from_0_to_1_with_known_peaks(name):
+    scene = driven(f"profile.{name}(t/T)")
+    times = np.linspace(0, 1.2, 1801)
+    found = symgen.build(scene).simulate(t_eval=times)
+    angle, acceleration = found["crank.angle"].values, found["crank.angular_acceleration"].values
+    rate = np.gradient(angle, times)
+    assert angle[times >= 0.4] == pytest.approx(1.0, abs=1e-14)
+    assert angle[300] == pytest.approx(0.5, abs=1e-14)
+    assert np.max(rate) * 0.4 == pytest.approx(PEAKS[name][0], rel=1e-4)
+    assert np.max(np.abs(acceleration)) * 0.16 == pytest.approx(PEAKS[name][1], rel=1e-4)
+
+
+@pytest.mark.parametrize("method", ["taylor", "dop853"])
+def test_a_cam_with_dwells_repeats(method):
+    """Rise, dwell, return and dwell in every period, where mod and both profiles switch together."""
+    law = "profile.poly345(mod(t, T)/(0.3*T)) - profile.poly345((mod(t, T) - 0.5*T)/(0.4*T))"
+    run = symgen.build(driven(law)).simulate(method=method, t_eval=[0.06, 0.17, 0.28, 0.39, 0.46, 0.97, 1.08])
+    assert run["crank.angle"].values == pytest.approx([0.5, 1, 0.5, 0, 0.5, 1, 0.5], abs=1e-9)
+    assert any("switching points" in note for note in run.notes)
+
+
+def test_the_torque_of_a_v_twin_is_that_of_its_energy():
+    """Against the kinetic energy of pistons and uniform rods, and the work of the spline."""
+    tables = symgen.load_scene("v_twin").tables["gas"]
+    x = np.deg2rad([float(v.split()[0]) for v in tables.x] + [720])
+    y = np.array([float(v.split()[0]) for v in tables.y] + [float(tables.y[0].split()[0])]) * 1e5
+    gas = CubicSpline(x, y, bc_type="periodic")
+    throw, rod, area, w, half = 0.048, 0.170, 62e-4, 100 * math.pi, math.pi / 8
+    run = symgen.build("v_twin").simulate(rtol=1e-12, samples=41)
+    torque = np.zeros(41)
+    for axis, fires in ((math.pi / 2 + half, 0.0), (math.pi / 2 - half, TURN)):
+        f = run["crank.angle"].values - axis
+        s, c = throw * np.sin(f), throw * np.cos(f)
+        d = np.sqrt(rod**2 - s * s)
+        # place of the piston on its axis, its first two derivatives by the crank's angle
+        p1 = -s - s * c / d
+        p2 = -c - (c * c - s * s) / d - (s * c) ** 2 / d**3
+        # rod of 0.6 kg: m/6 (vA^2 + vA vB + vB^2); along the axis vA = -s, and its square is constant
+        kinetic = 0.45 * p1 * p2 + 0.1 * (-c * p1 - s * p2 + 2 * p1 * p2)
+        torque += w * w * kinetic + area * gas((f - fires) % (2 * TURN)) * p1
+    assert run["crank.torque"].values == pytest.approx(torque, abs=1e-9 * np.max(np.abs(torque)))
+    assert any("50 switching points" in note for note in run.notes)

@@ -1,0 +1,132 @@
+"""Tables, profiles and remainders as a scene writes them: what is read, and what is refused where."""
+
+from __future__ import annotations
+
+import pytest
+
+import symgen
+from symgen.errors import SceneError
+from symgen.runtime import _core
+from symgen.symbolic.switch import WHICH_PIECE
+
+SCENE = """
+symgen = 1
+[tables]
+TABLE
+[parameters]
+T = "2 s"
+k = { value = "1 N", tunable = true }
+[points]
+O = { at = ["0 m", "0 m"], ground = true }
+A = { at = ["1 m", "0 m"] }
+[links]
+bar = { points = ["O", "A"], mass = "1 kg" }
+[[forces]]
+point = "A"
+force = ["FORCE", "0 N"]
+"""
+LINES = 'law = { x = ["0 s", "1 s"], y = ["0 N", "2 N"] }'
+
+
+def resolved(folder, table=LINES, force="law(t)", more=""):
+    (folder / "scene.toml").write_text(SCENE.replace("TABLE", table).replace("FORCE", force) + more)
+    return symgen.build(folder / "scene.toml", backend="numpy")
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ('law = { x = ["0 s", "1 s"], y = ["0 N"] }', r"\[tables.law\] y.*at least 2"),
+        ('law = { x = ["0 s", "1 s", "2 s"], y = ["0 N", "1 N"] }', r"\[tables.law\] y: expected as many values as"),
+        ('law = { x = ["0 s", "2 s", "1 s"], y = ["0 N", "1 N", "1 N"] }', r"\[tables.law\] x\[2\].*rising order"),
+        ('law = { x = ["0 s", "1 m"], y = ["0 N", "1 N"] }', r"x\[1\]: expected a time as the first, got '1 m'"),
+        ('law = { x = ["0 s", "1 s"], y = ["0 N", "k"] }', r"y\[1\].*tunable parameter k(.|\n)*Multiply the table"),
+        ('law = { x = ["0 s", "1 s"], y = ["0 N", "1 N"], period = "0.5 s" }', r"period: .*covers the points"),
+        ('law = { x = ["0 s", "1 s"], y = ["0 N", "1 N"], period = "2 m" }', r"period: expected a time as x"),
+        ('law = { x = ["0 s", "1 s"], y = ["0 N", "1 N"], period = "1 s" }', r"y\[1\]: .*same value at both ends"),
+        ('law = { x = ["0 s", "1 s"], y = ["0 N", "1 N"], kind = "spline" }', r"\[tables.law\] kind"),
+        ('sin = { x = ["0 s", "1 s"], y = ["0 N", "1 N"] }', r"\[tables\] sin: .*meaning in expressions"),
+        ('T = { x = ["0 s", "1 s"], y = ["0 N", "1 N"] }', r"\[tables\] T: 'T' is a parameter"),
+    ],
+)  # fmt: skip
+def test_faults_of_a_table_name_its_key(table, message, tmp_path):
+    with pytest.raises(SceneError, match=message):
+        resolved(tmp_path, table)
+
+
+@pytest.mark.parametrize(
+    ("force", "message"),
+    [
+        ("law(A.x)", r"gives the table law a length instead of a time"),
+        ("law(t, t)", r"gives law 2 arguments instead of 1"),
+        ("k*lav(t)", r"Did you mean 'law'\?"),
+        ("k*profile.poly34(t/T)", r"'profile.poly34', which is not a profile(.|\n)*poly345"),
+        ("k*profile.poly345(t)", r"expects one plain number(.|\n)*divide the time by a duration"),
+        ("law(mod(t, t))", r"divides in mod by what is not a number above zero"),
+    ],
+)
+def test_faults_of_a_call_are_named(force, message, tmp_path):
+    with pytest.raises(SceneError, match=message):
+        resolved(tmp_path, force=force)
+
+
+@pytest.mark.parametrize(
+    ("angle", "accepted"),
+    [
+        ("turn(t)", True), ("jagged(t)", False), ("mod(t, T)/T", False), ("smooth(t)", True),
+        ("profile.trapezoid(t/T)", True), ("profile.poly345(mod(t, T)/T)", False),
+        ("profile.cycloidal(2*mod(t, T)/T) - profile.cycloidal(2*mod(t, T)/T - 1)", True),
+        ("jagged(T*profile.poly345(t/T))", False),
+    ],
+)  # fmt: skip
+def test_a_prescribed_motion_may_not_jump_in_its_rate(angle, accepted, tmp_path):
+    tables = """
+turn = { x = ["0 s", "1 s", "3 s"], y = [0, 1, 0.5], kind = "cubic", period = "4 s" }
+jagged = { x = ["0 s", "1 s", "3 s"], y = [0, 1, 0.5], period = "4 s" }
+smooth = { x = ["0 s", "1 s", "2 s"], y = [0, 1, 0], kind = "pchip", period = "2 s" }
+"""
+    drive = f'\n[[drivers]]\nlink = "bar"\nangle = "{angle}"\n'
+    if accepted:
+        resolved(tmp_path, tables, "0 N", drive)
+    else:
+        with pytest.raises(SceneError, match=r"\[drivers.0\] angle: .*its rate jumps"):
+            resolved(tmp_path, tables, "0 N", drive)
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_points_of_a_file_are_those_of_its_columns(separator, tmp_path):
+    rows = [("time [s]", "force [kN]"), ("0", "0"), ("1", "2e-3")]
+    (tmp_path / "law.csv").write_text("\n".join(separator.join(row) for row in rows) + "\n")
+    table = 'law = { file = "law.csv", x = "time [s]", y = "force [kN]" }'
+    by_file = resolved(tmp_path, table).simulate(1.5, samples=2)
+    by_points = resolved(tmp_path).simulate(1.5, samples=2)
+    assert by_file["energy"].values.tolist() == by_points["energy"].values.tolist()
+
+
+@pytest.mark.parametrize(
+    ("content", "x", "message"),
+    [
+        (
+            "a [s],b [N]\n0,0\n1,x\n",
+            "a [s]",
+            r"\[tables.law\] y: expected a number in row 3 of 'b \[N\]', got 'x'",
+        ),
+        (
+            "a [s],b [N]\n0,0\n1,1\n",
+            "a",
+            r"\[tables.law\] x: expected the title of a column(.|\n)*Did you mean 'a \[s\]'",
+        ),
+        ("a [s],b [N]\n", "a [s]", r"at least two of points"),
+        (None, "a [s]", r"\[tables.law\] file: cannot read the points"),
+    ],
+)
+def test_faults_of_a_file_of_points_are_named(content, x, message, tmp_path):
+    if content is not None:
+        (tmp_path / "law.csv").write_text(content)
+    with pytest.raises(SceneError, match=message):
+        resolved(tmp_path, f'law = {{ file = "law.csv", x = "{x}", y = "b [N]" }}')
+
+
+def test_a_table_is_asked_by_one_number():
+    """Kernels know it from the derivation, runs from the core."""
+    assert WHICH_PIECE == _core.WHICH_PIECE
