@@ -187,7 +187,7 @@ def test_a_wrong_number_is_found(folders, tmp_path):
 def test_the_example_ends_where_python_ends(folders):
     said = run(compiled(folders["vertical_rods"], "vertical_rods", "gcc", "main"))
     found = states(said)
-    final = symgen.build("vertical_rods").simulate().final
+    final = symgen.build("vertical_rods").simulate(method="dop853").final
     free = symgen.build("vertical_rods").description.free
     expected = [x for what in ("position", "velocity") for p in free for x in final[p][what]]
     assert found[: len(expected)] == expected

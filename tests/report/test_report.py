@@ -192,7 +192,7 @@ def test_report_writes_a_page_or_one_error(tmp_path):
     assert isinstance(done.exception, SymgenError) and ".html" in str(done.exception)
     done = call("four_bar", "--out", file, "--no-speed")
     assert done.exit_code == 0 and file.read_text().count("<h2>") == 8
-    assert "dop853" in file.read_text() and "Speed and error" not in file.read_text()
+    assert "taylor" in file.read_text() and "Speed and error" not in file.read_text()
 
 
 def test_speed_stands_beside_error():

@@ -103,7 +103,7 @@ def run(
                 return repeated(chosen.otherwise, keeping)
             raise
     status, wall = drive(stepper, t0, chosen, progress, checkpoints)
-    if chosen.otherwise and fails(status):
+    if chosen.otherwise and fails(status, stepper.steps, chosen):
         return repeated(chosen.otherwise, keeping and replace(keeping, resume=None))
     if evaluator.description.switches or evaluator.description.windings:
         # Samples are evaluated with the loads' own branches.
@@ -118,9 +118,10 @@ def run(
     )
 
 
-def fails(status: int) -> bool:
-    """Return whether a run with this status cannot continue, but might by another method."""
-    return status not in (_core.DONE, _core.ENDED, OUT_OF_TIME, _core.DRIFTED)
+def fails(status: int, steps: int, chosen: Options) -> bool:
+    """Return whether a run of so many steps cannot continue, but might by another method."""
+    ended = status in (_core.DONE, _core.ENDED, OUT_OF_TIME, _core.DRIFTED)
+    return not ended and steps < chosen.max_steps
 
 
 def equations_of(

@@ -243,8 +243,7 @@ class LoopModel(Model):
             return at_pose(at_start, outputs, by, free)
         times, chosen = request.run()
         path = follow(self.kernels, rank, start, chosen, times)
-        kernels = self._kernels_of("loop_variation", (), lanes=True)
-        steps = LoopSteps(self.kernels, kernels, rank, chosen.method)
+        steps = LoopSteps(self.kernels, self._kernels_of("loop_variation", (), True), rank, chosen.method)
         path = resolved(path, steps, chosen)
         return at_run(path, lambda state, _: tangents(state), steps, outputs, by, free)
 
@@ -354,6 +353,10 @@ class LoopModel(Model):
         if self._analyses is None:
             raise ModelError(f"{self.name} was created without its scene: build it with symgen.build")
         return self._analyses(kind, outputs, lanes)
+
+    @property
+    def _probed(self) -> bool:  # type: ignore[override]
+        return bool(self.description.switches) and not self.description.series_watched
 
     @takes(RunArguments)
     def _simulate(self, request: RunArguments) -> Result:

@@ -94,7 +94,7 @@ def run(
                 return repeated(chosen.otherwise, keeping)
             raise
     status, wall = drive(stepper, t0, chosen, progress, checkpoints)
-    if chosen.otherwise and fails(status):
+    if chosen.otherwise and fails(status, stepper.steps, chosen):
         return repeated(chosen.otherwise, keeping and replace(keeping, resume=None))
     result = Result._later(LoopRecording(kernels, equations, stepper, chosen, wall, library))
     if status == _core.DONE:

@@ -71,9 +71,9 @@ class RunArguments(Checkpointed):
     state: State | None = None
 
     def options(
-        self, end: float, precision: Precision, rate: float | None = None, series: bool = False
+        self, end: float, precision: Precision, rate: float | None = None, series: float = 0.0
     ) -> Options:
-        """Return the checked options of a run until a time [s]; ``series``: its kernels have series."""
+        """Return the checked options of a run until a time [s]; by power series up to the rtol ``series``."""
         return options(
             end_of_scene(end) if self.t_end is None else self.t_end,
             self.method,

@@ -12,6 +12,7 @@ from symgen.calls import checked
 from symgen.display import display
 from symgen.errors import ModelError, RangeError, nearest
 from symgen.precision import FLOAT64, Precision
+from symgen.runtime.integrate.options import SERIES_RTOL, SERIES_RTOL_PROBED
 from symgen.runtime.kernels.arguments import real
 from symgen.runtime.kernels.description import Described
 from symgen.runtime.kernels.library import SERIES, Library
@@ -58,6 +59,8 @@ class Compiled:
     """Kernels of one scene with values of its tunable parameters."""
 
     description: Described
+    #: Whether an event or a jump of a load has no power series.
+    _probed = False
 
     def __init__(
         self,
@@ -168,9 +171,11 @@ class Compiled:
         return self.number_type.precision if self.number_type else FLOAT64
 
     @property
-    def _series(self) -> bool:
-        """Whether its runs may take power series."""
-        return SERIES in library_of_runs(self.library, self.number_type).addresses
+    def _series(self) -> float:
+        """Largest relative tolerance at which its runs take power series by default; 0 without series."""
+        if SERIES not in library_of_runs(self.library, self.number_type).addresses:
+            return 0.0
+        return SERIES_RTOL_PROBED if self._probed else SERIES_RTOL
 
     def _in_type(self, t: float, q: Any, u: Any, solution: Any) -> Any:
         """Return accelerations and multipliers in the model's own type, if that is not float64."""

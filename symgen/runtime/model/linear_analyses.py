@@ -138,9 +138,9 @@ class LinearAnalyses:
         integrals
             Outputs whose integrals over the time from the start are further outputs, ``integral of NAME``.
         method, rtol, atol, step, max_steps, max_step
-            Options of the run, as for :meth:`simulate`; the method is explicit, or for linkages ``taylor``,
-            ``radau5``, ``newmark`` or ``generalized-alpha``. The default of ``max_steps`` is 1,000,000, since
-            the states between all steps are stored.
+            Options of the run, as for :meth:`simulate`; the method is explicit (``dop853``), or of linkages
+            ``taylor``, ``radau5``, ``newmark`` or ``generalized-alpha``. The default of ``max_steps`` is
+            1,000,000, since the states between all steps are stored.
 
         Raises
         ------

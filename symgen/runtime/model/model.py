@@ -100,8 +100,8 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         t_end
             End of the run [s]; by default that of the scene, for elastic links one revolution.
         method
-            Name of an integrator (``docs/integrators.md``): by default ``dop853``, or for ``rtol`` of at
-            most 1e-10 ``taylor`` where it can. Elastic links: ``gauss`` (default), ``gauss4``,
+            Name of an integrator (``docs/integrators.md``): by default ``taylor`` for ``rtol`` of at most
+            1e-9 where it can, otherwise ``dop853``. Elastic links: ``gauss`` (default), ``gauss4``,
             ``newmark``, ``generalized-alpha``, ``wilson-theta``, ``dop853``, ``rk4``.
         rtol, atol
             Tolerances of the local error of adaptive methods: relative (1e-9), in m and m/s (rtol/1000).

@@ -23,7 +23,7 @@ def in_lanes(model, columns=None, states=None, **options):
     one = {} if states is None else {"state": states[0]}
     values = {name: column[0] for name, column in (columns or {}).items()}
     first = (model.with_parameters(**values) if values else model).simulate(method="taylor", **one, **options)
-    found = compiled_runs(model, first, columns or {}, states, options)
+    found = compiled_runs(model, first, columns or {}, states, {"method": "taylor", **options})
     assert found.grain in (2, 4, 8)
     return found
 
@@ -194,8 +194,13 @@ def test_what_lanes_do_not_have_is_carried_out_singly_or_refused():
     [
         ({}, {"method": "taylor"}, None),
         ({}, {"method": "rk4", "step": 1e-2}, None),
-        ({}, {"rtol": 1e-11}, None),
-        ({}, {}, "these are for taylor, and for dop853 and rk4 with fixed steps and projection"),
+        ({}, {"rtol": 1e-11}, "they are less than 64"),
+        ({}, {}, "they are less than 64"),
+        (
+            {},
+            {"rtol": 1e-8},
+            "these are for taylor, and for dop853 and rk4 with fixed steps and projection",
+        ),
         ({}, {"method": "radau5"}, "radau5 is implicit"),
         ({"outputs": ["bar.angle"]}, {"method": "taylor"}, "an angle of a link is recorded"),
         ({"spring": "2 N*m/rad"}, {"method": "taylor"}, "a torsion spring or a load follows an angle"),
@@ -231,3 +236,13 @@ def test_default_method_is_that_of_single_runs():
         assert compiled_runs(model, first, {}, states, given).chosen.method.name == name
     found = model.simulate_many(states=states, **options)
     same_bits(found, [model.simulate(state=s, method="taylor", **options) for s in states], range(3))
+
+
+def test_few_runs_by_default_take_no_lanes():
+    """Their kernels take longer to compile than the runs take, unless they are those of the method given."""
+    model = symgen.build("four_bar")
+    states, options = swings(model, (1.0,)), {"t_end": 0.5, "samples": 3}
+    first = model.simulate(state=states[0], **options)
+    for count, more, lanes in ((63, {}, False), (64, {}, True), (2, {"method": "taylor"}, True)):
+        runs = compiled_runs(model, first, {}, states * count, options | more)
+        assert runs.chosen.method.name == "taylor" and (runs.batched is not None) == lanes

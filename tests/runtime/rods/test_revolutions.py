@@ -75,7 +75,7 @@ def test_revolutions_between_samples_are_counted(built, run, within):
 def test_a_resumed_run_goes_on_with_the_revolutions_counted(tmp_path):
     model, kept = _whirling(), tmp_path / "kept"
     with pytest.raises(SimulationError, match="max_steps"):
-        model.simulate(samples=5, max_steps=1000, checkpoint=kept, checkpoint_every=0)
+        model.simulate(samples=5, max_steps=200, checkpoint=kept, checkpoint_every=0)
     found = model.simulate(samples=5, resume=kept)["arm.angle"].values
     assert found == pytest.approx(_whirled(), abs=1e-3)
 

@@ -16,7 +16,7 @@ from symgen.runtime.integrate.options import Options, by_series
 from symgen.runtime.integrate.simulate import sample_times
 from symgen.runtime.kernels.batch import fits_lanes, lanes_of
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.kernels.library import SERIES, Library
+from symgen.runtime.kernels.library import Library
 from symgen.runtime.kernels.typed import Typed
 from symgen.runtime.many.dataset import BLOCK, CompiledRuns, Keep, KeptSamples
 from symgen.runtime.many.runs import is_stored, parameters_of_runs
@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 #: Longer runs are carried out singly: they can be interrupted, and tell their pace.
 MOST_STEPS = 100_000
+#: Fewer runs by power series as the default save less time in lanes than kernels of lanes take to compile.
+LEAST_IN_LANES = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,8 +117,9 @@ def compiled_runs(
     if not isinstance(source, Recording):
         return ""
     evaluator, chosen, d = source.kernels, source.chosen, source.kernels.description
-    if arguments.get("method") is None and SERIES in source.library.addresses:
-        chosen = by_series(chosen)  # the first run may have ended by the method that is chosen otherwise
+    default = arguments.get("method") is None
+    if default:  # the first run may have ended by the method that is chosen otherwise
+        chosen = by_series(chosen, model._series)
     starts = {s.t for s in states} if states is not None else {0.0}
     reason = _alone(source, chosen, starts, arguments)
     if reason:
@@ -127,9 +130,11 @@ def compiled_runs(
     single = is_stored(evaluator, parameter_rows, states)
     t0 = starts.pop()
     times = np.ascontiguousarray(sample_times(t0, chosen, arguments.get("t_eval")))
-    batched, reason = None, _without_lanes(d, chosen, model)
+    batched, series = None, chosen.method.kind == "taylor"
+    few = default and series and len(parameter_rows) < LEAST_IN_LANES
+    reason = _without_lanes(d, chosen, model) or (f"they are less than {LEAST_IN_LANES}" if few else "")
     if not reason:
-        batched = model.number_type.kernels(True, *((True,) if chosen.method.kind == "taylor" else ()))
+        batched = model.number_type.kernels(True, *((True,) if series else ()))
         if lanes_of(batched, d.name)[0] < 2:
             batched, reason = None, "the compiler has no vectors"
     return SimulatedRuns(

@@ -65,6 +65,11 @@ class LinkageModel(Model):
     #: Whether inputs alone move the mechanism; the motion of a linkage is followed in time.
     is_driven = False
 
+    @property
+    def _probed(self) -> bool:  # type: ignore[override]
+        d = self.description
+        return any(e.probed for e in d.events) or (bool(d.switches) and not d.series_watched)
+
     @abstractmethod
     def _begun(self) -> Start:
         """Find the start at the parameters of the model."""
