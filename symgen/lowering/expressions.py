@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from decimal import Context, Decimal
+from hashlib import sha256
 
 import sympy as sp
 
@@ -145,7 +146,8 @@ def lower(expression: sp.Expr) -> Node:
         return lower(expression.in_terms)
     if isinstance(expression, PieceFunction):
         arguments = tuple(lower(a) for a in expression.args)
-        return Lookup(f"table_{expression.func.__name__}", arguments, expression.column)
+        digest = sha256(repr(expression.column).encode()).hexdigest()[:12]  # names of tables may be equal
+        return Lookup(f"table_{expression.func.__name__}_{digest}", arguments, expression.column)
     function = FUNCTIONS.get(expression.func)
     if function is None:
         raise DerivationError(f"no kernel function for {expression.func.__name__}")

@@ -15,7 +15,7 @@ from symgen.lowering.kernel import RANK_TOLERANCE, SETUP, Block, Kernel, Program
 from symgen.lowering.recurrences import EquationsOfMotion, lower_series
 from symgen.lowering.sparse_ldlt import Factor, factor, solve
 from symgen.lowering.straight_line import Shared, StraightLine
-from symgen.symbolic.switch import PieceFunction, PiecewisePolynomial
+from symgen.symbolic.switch import WHICH_PIECE, PieceFunction, PiecewisePolynomial, Sign
 from symgen.symbolic.system import Export, NamedMatrix, SaddlePoint, System
 
 #: Matrices of the kernel 'events': switching points, in rows named after their branches; rates of angles.
@@ -76,6 +76,7 @@ def _held(system: System) -> System:
         return system
     branches = {x.symbol for x in system.group("p").quantities if x.name in names}
     held: dict[sp.Basic, sp.Expr] = {b**2: sp.Integer(1) for b in branches}
+    held |= {Sign(b - WHICH_PIECE) ** 2: sp.Integer(1) for b in branches}  # exactly: pieces are large numbers
     for of in (*(m.matrix for m in system.matrices), *(d.expression for d in system.definitions)):
         functions = of.atoms(PieceFunction, PiecewisePolynomial)
         for f in sorted(functions, key=lambda f: len(f.atoms(PiecewisePolynomial))):  # arguments first

@@ -299,7 +299,7 @@ class _Reader:
         if name not in FUNCTIONS:
             tables = (n.removesuffix("()") for n in self.names if n.endswith("()"))
             hint = nearest(name, (*FUNCTIONS, *tables))
-            raise self.refuse(f"calls {name!r}, which is not a function of scenes", hint)
+            raise self.refuse(f"calls {name!r}, which is not a function here", hint)
         function, count = FUNCTIONS[name]
         if len(arguments) != count:
             raise self.refuse(f"gives {name} {len(arguments)} arguments instead of {count}")

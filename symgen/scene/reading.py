@@ -65,7 +65,7 @@ class Values:
         """Read a table, whose numbers may be constants of the scene."""
 
         def read(key: str, text: str | int | float) -> tuple[sp.Expr, Dimension]:
-            with at(f"tables.{name}.{key}"):
+            with at(key):
                 value, dim = parse_any(text, self.names)
                 if value.free_symbols:
                     tunable = next(p for p in self.defaults if p in value.free_symbols)

@@ -109,7 +109,7 @@ def test_points_of_a_file_are_those_of_its_columns(separator, tmp_path):
         (
             "a [s],b [N]\n0,0\n1,x\n",
             "a [s]",
-            r"\[tables.law\] y: expected a number in row 3 of 'b \[N\]', got 'x'",
+            r"\[tables.law\] y: expected a number in line 3 of 'b \[N\]', got 'x'",
         ),
         (
             "a [s],b [N]\n0,0\n1,1\n",

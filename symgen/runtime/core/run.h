@@ -28,7 +28,7 @@ enum { TOUCHES = -1 };
    series. */
 enum { ENDS_RUN = 1, REVOLVES = 2, PROBED = 4 };
 /* The branch that asks a table for its piece, in place of the distance from a knot. */
-enum { WHICH_PIECE = 1000000000 };
+enum { WHICH_PIECE = 2 };
 
 /* Task of a run. */
 struct task {

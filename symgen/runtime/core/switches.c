@@ -1,8 +1,9 @@
 /* Switching points: zeros of the argument of a sign or of an absolute value in a load, and knots of tables.
  *
  * In a step every load stays on one branch, so that it is smooth; the branches are parameters, 1 or -1, of tables odd
- * numbers of pieces, constant in a step. Distances change their sign from each piece to the next. A step that passes a switching point is repeated up to the point, the branch changes there, and the method
- * restarts. If both branches lead back to the point (friction at rest), the motion slides along it, and the run ends.
+ * numbers of pieces, constant in a step. Distances change their sign from each piece to the next. A step that passes a
+ * switching point is repeated up to the point, the branch changes there, and the method restarts. If both branches lead
+ * back to the point (friction at rest), the motion slides along it, and the run ends.
  *
  * A method with power series has the polynomials of the arguments over the step, whose first zero is the switching point.
  * Otherwise arguments are evaluated at both ends of a step and at SWITCH_PROBES - 1 instants in between. Unequal spacing
@@ -15,6 +16,8 @@
 
 /* Most corrections of the length of a step that ends at a switching point. */
 enum { POLISHINGS = 5 };
+/* Most knots of tables at one time. */
+enum { KNOTS_AT_ONCE = 64 };
 /* Most passes over one step. */
 enum { PASSES = 64 };
 /* Most halvings of an interval that contains a switching point. */
@@ -36,7 +39,7 @@ static void hold(struct run *run, long k, real branch) {
 
 /* The sign of the distance on a branch: of pieces 2 i + 1 it is that of 1 for even i. */
 static real side(real branch) {
-    const long odd = (long)branch;
+    const long long odd = (long long)branch;
     return odd % 4 == 1 || odd % 4 == -3 ? R(1) : R(-1);
 }
 
@@ -115,10 +118,9 @@ static real other_branch(struct run *run, long k) {
     return branch + (at[0] != at[0] || at[1] > at[0] ? R(2) : R(-2));
 }
 
-/* Find the pieces of tables again whose arguments jump at a switching point. */
+/* Find other branches again whose arguments jump at a switching point. */
 static void find_again(struct run *run, long point) {
-    const struct sizes *sizes = &run->e->sizes;
-    for (long k = sizes->switches - sizes->tables; k < sizes->switches; k++)
+    for (long k = 0; k < run->e->sizes.switches; k++)
         if (k != point && distances(run, run->state->t, run->y)[k] * side_of(run, k) < -blur(run, k, run->state->t, run->y))
             hold(run, k, found_branch(run, k));
 }
@@ -238,7 +240,20 @@ static long first_zero(struct run *run, real t_new, real h, real *theta) {
             continue;
         z.noise = real_fmax(blur(run, k, run->state->t, run->y), R(4 * z.degree) * REAL_EPSILON * reach);
         z.noise = real_fmax(z.noise, R(1.01) * instant(run, h) * real_fabs(c[1]) / h);
-        if (next_zero(&z) && (at = passed_at(run, h, k, z.from, z.to)) < *theta)
+        if (is_knot(run, k)) {
+            /* On a knot rounding decides on which side the state is: one that leaves the piece has passed. */
+            if (c[0] <= z.noise && c[1] < 0) {
+                *theta = 0, first = k;
+                continue;
+            }
+            c[0] = real_fmax(c[0], 0);
+        }
+        if (!next_zero(&z))
+            continue;
+        at = passed_at(run, h, k, z.from, z.to);
+        if (is_knot(run, k)) /* which evaluations may not show, for an argument with more rounding than the time has */
+            at = real_fmin(at, z.to);
+        if (at < *theta)
             *theta = at, first = k;
     }
     return first;
@@ -305,12 +320,18 @@ int end_at_switch(struct run *run, real *t_new, real *h, long *crossed) {
         }
         *h *= theta, *t_new = s->t + (*h + s->t_left);
         status = retaken(run, *h, *t_new);
-        if (status == DONE)
+        /* Rates of short pieces by differences are rounding; zeros of polynomials need none. */
+        if (status == DONE && !(has_polynomials(run) && is_knot(run, k)))
             status = polished(run, k, most, t_new, h);
         if (status != DONE)
             return status;
     }
     return DONE;
+}
+
+/* Most changes of branches at one time: many knots may be as near as the rounding of the time. */
+static long most_flips(const struct run *run) {
+    return 2 * run->e->sizes.switches + (run->e->sizes.tables ? KNOTS_AT_ONCE : 0);
 }
 
 int switch_over(struct run *run, long k) {
@@ -325,7 +346,8 @@ int switch_over(struct run *run, long k) {
         s->h = real_fmin(s->h, R(2) * (s->t - run->switched[k]));
     s->switchings++, s->t_switched = run->switched[k] = s->t;
     real ahead = leaving(run, k, branch) * h;
-    if (ahead < -least || s->flips > 2 * run->e->sizes.switches) {
+    /* The next knot may be nearer than the difference of this rate reaches. */
+    if ((ahead < -least && !is_knot(run, k)) || s->flips > most_flips(run)) {
         s->slid = k;
         return SLIDING;
     }

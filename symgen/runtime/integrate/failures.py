@@ -111,6 +111,8 @@ def _smooth(jump: str, smooth_forms: Mapping[str, str]) -> str:
     x = written[written.index("(") + 1 : -1]
     inner = x if re.fullmatch(r"[\w.]+", x) else f"({x})"
     smooth = f"tanh({inner}/w) instead of {written}"
+    if not written.startswith(("sign(", "abs(")):
+        return "Place the points of the table further apart: points so close to each other act as a jump."
     if not written.startswith("sign"):
         smooth = f"sqrt({inner}**2 + w**2) instead of {written}, or tanh({inner}/w) for a quotient by it"
     words = set(re.findall(r"\.([a-z_]+)", x)) or {x}

@@ -231,6 +231,8 @@ def _middle(node: sp.Basic, constant: Set[sp.Symbol]) -> sp.Expr | None:
 
 def _written(expression: sp.Expr, variable: str) -> str:
     """Return a jump nearly as it is written in a scene, with numbers to six digits."""
+    for f in sorted(expression.atoms(PiecewisePolynomial), key=sp.default_sort_key):
+        expression = expression.xreplace({f: sp.Symbol(f.pieces.of(_written(f.args[0], variable)))})
     rounded = {x: sp.Float(x, 6) for x in expression.atoms(sp.Rational) if not x.is_Integer}
     text: str = sp.sstr(expression.xreplace(rounded))
     if variable:

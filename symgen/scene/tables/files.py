@@ -27,7 +27,7 @@ def with_points(table: Any, folder: Path) -> Any:
         return table
     rest: dict[str, Any] = {key: value for key, value in table.items() if key != "file"}
     rows = _rows(table["file"], folder)
-    titles = [title.strip() for title in rows[0]]
+    titles = [title.strip() for title in rows[0][1]]
     for key in ("x", "y"):
         title = table.get(key)
         if title not in titles:
@@ -36,11 +36,14 @@ def with_points(table: Any, folder: Path) -> Any:
                 where=key,
                 hint=nearest(title, titles) if isinstance(title, str) else f"Titles: {', '.join(titles)}.",
             )
-        rest[key] = [_cell(row, titles.index(title), title, key, i) for i, row in enumerate(rows[1:], 2)]
+        if titles.count(title) > 1:
+            raise SceneError(f"expected different titles of columns, got {title!r} twice", where=key)
+        rest[key] = [_cell(row, titles.index(title), title, key, line) for line, row in rows[1:]]
     return rest
 
 
-def _rows(name: Any, folder: Path) -> list[list[str]]:
+def _rows(name: Any, folder: Path) -> list[tuple[int, list[str]]]:
+    """Return the rows of a file that are not empty, each with the number of its line."""
     if not isinstance(name, str):
         raise SceneError(f"expected the name of a file, got {name!r}", where="file")
     try:
@@ -50,7 +53,8 @@ def _rows(name: Any, folder: Path) -> list[list[str]]:
     if len(text) > _LARGEST:
         raise SceneError(f"expected a file of at most {_LARGEST} characters", where="file")
     separator = next((c for c in ";\t" if c in text.partition("\n")[0]), ",")
-    rows = [row for row in csv.reader(text.splitlines(), delimiter=separator) if any(c.strip() for c in row)]
+    read = csv.reader(text.splitlines(), delimiter=separator)
+    rows = [(read.line_num, row) for row in read if any(c.strip() for c in row)]
     if len(rows) < 3:
         raise SceneError(f"expected a row of titles and at least two of points in {name!r}", where="file")
     return rows
@@ -61,6 +65,6 @@ def _cell(row: list[str], column: int, title: str, key: str, line: int) -> str |
     try:
         number = float(text)
     except ValueError:
-        raise SceneError(f"expected a number in row {line} of {title!r}, got {text!r}", where=key) from None
+        raise SceneError(f"expected a number in line {line} of {title!r}, got {text!r}", where=key) from None
     unit = _TITLE.fullmatch(title)
     return f"{text} {unit['unit']}" if unit and unit["unit"].strip() not in ("", "1", "-") else number

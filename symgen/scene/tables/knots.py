@@ -62,15 +62,10 @@ def _knots(
         time = (knot - begin) / rate
         if period:
             time += sp.ceiling(-time * abs(rate) / period) * period / abs(rate)
-        elif time < 0:
+        elif time <= 0:
             continue
-        middle = (x.xreplace({t: time}) - knot) / period if period else sp.Integer(0)
-        yield (
-            time,
-            int(pieces.piece(knot, sp.Integer(0)))
-            - 2
-            + 2 * len(pieces.knots) * int(sp.floor(middle + sp.Rational(1, 2))),
-        )
+        turns = sp.floor((x.xreplace({t: time}) - knot) / period + sp.Rational(1, 2)) if period else 0
+        yield time, int(pieces.piece(knot, sp.S.Zero) + 2 * len(pieces.knots) * turns) - 2
 
 
 def _jumping(function: PiecewisePolynomial, time: float | None = None) -> SceneError:
@@ -78,6 +73,6 @@ def _jumping(function: PiecewisePolynomial, time: float | None = None) -> SceneE
     return SceneError(
         f"a prescribed motion needs an acceleration at every time: its rate jumps{when} with "
         f"{function.pieces.of(str(function.args[0]))}",
-        hint='Give tables kind = "cubic" or "pchip", stay between their first and last points or give a '
-        "period, and let the parts of mod end as they begin.",
+        hint='Give tables kind = "cubic" or "pchip", with a period or a rate of zero at their first and last '
+        "points, and let the parts of mod end as they begin.",
     )

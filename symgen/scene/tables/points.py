@@ -86,7 +86,7 @@ def tabulated(
     if len(x) != len(y):
         raise SceneError(f"expected as many values as points, got {len(y)} for {len(x)}", where="y")
     for i, (a, b) in enumerate(pairwise(x), 1):
-        if not b > a:
+        if not float(b) > float(a):
             raise SceneError(
                 f"expected points in rising order, got {table.x[i]!r} behind {table.x[i - 1]!r}",
                 where=f"x.{i}",

@@ -19,7 +19,7 @@ _ZERO, _ONE = _F(0), _F(1)
 def _ramp(name: str, smooth: int) -> Pieces:
     """Return the variable itself from 0 to 1, kept at its ends; ``smooth`` is that of the profile."""
     rows = (_ZERO, _ZERO), (_ZERO, _ONE), (_ONE, _ZERO)
-    return Pieces(name, (_ZERO, _ONE), rows, smooth=smooth, written=f"profile.{name}({{}})")
+    return Pieces(f"profile_{name}", (_ZERO, _ONE), rows, smooth=smooth, written=f"profile.{name}({{}})")
 
 
 def _polynomial(name: str, smooth: int, coefficients: dict[int, int]) -> Callable[[sp.Expr], sp.Expr]:
@@ -39,10 +39,14 @@ def _modified_sine(x: sp.Expr) -> sp.Expr:
     knots = (_ZERO, _F(1, 8), _F(7, 8), _ONE)
     rows = (_ZERO, _ZERO), (_ZERO, _ONE), (_F(1, 8), _ONE), (_F(7, 8), _ONE), (_ONE, _ZERO)
     written = "profile.modified_sine({})"
-    u = Pieces("modified_sine", knots, rows, smooth=2, written=written).at(x)
+    u = Pieces("profile_modified_sine", knots, rows, smooth=2, written=written).at(x)
     offset, size, rate, phase = (
         Pieces(
-            f"modified_sine_{name}", knots, tuple((_F(n),) for n in numbers), smooth=2, written=written
+            f"profile_modified_sine_{name}",
+            knots,
+            tuple((_F(n),) for n in numbers),
+            smooth=2,
+            written=written,
         ).at(x)
         for name, numbers in (
             ("offset", (0, 0, 2, 4, 4)),
@@ -74,7 +78,7 @@ def _of_acceleration(name: str, smooth: int, *parts: tuple[Fraction, int]) -> Ca
     scaled = [tuple(x / state[0] for x in row) for row in parts_of]
     rows = [(_ZERO, *zero), *scaled, (_ONE, *zero)]
     written = f"profile.{name}({{}})"
-    return Pieces(name, tuple(knots), tuple(rows), smooth=smooth, written=written).at
+    return Pieces(f"profile_{name}", tuple(knots), tuple(rows), smooth=smooth, written=written).at
 
 
 #: Profiles by name: of a plain number, with plain numbers.

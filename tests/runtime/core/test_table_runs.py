@@ -237,3 +237,71 @@ def test_the_torque_of_a_v_twin_is_that_of_its_energy():
         torque += w * w * kinetic + area * gas((f - fires) % (2 * TURN)) * p1
     assert run["crank.torque"].values == pytest.approx(torque, abs=1e-9 * np.max(np.abs(torque)))
     assert any("50 switching points" in note for note in run.notes)
+
+
+def turned(*torques, end, tables=None, method="dop853", **parameters):
+    """Return the angular momentum [N m s], over 1 kg m^2, of a free crank after these torques by the time."""
+    scene = symgen.Scene(
+        tables=tables or {},
+        parameters={"N": "1 N*m", "S": "1 s", "P": "0.7 s", **parameters},
+        points={"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["1 m", "0 m"]}},
+        links={"c": {"points": ["O", "A"], "mass": "3 kg"}},
+        torques=[{"link": "c", "torque": torque} for torque in torques],
+        analysis={"t_end": f"{end} s", "outputs": ["c.angular_velocity"]},
+    )
+    return float(symgen.build(scene).simulate(samples=2, method=method)["c.angular_velocity"][-1])
+
+
+def of_points(x, y, **more):
+    return {"law": {"x": [f"{float(a)!r} s" for a in x], "y": [f"{float(b)!r} N*m" for b in y], **more}}
+
+
+METHODS = ["dop853", "taylor"]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_points_nearer_than_steps_are_all_passed(method):
+    """Ten periods of twenty points each: every period has the mean of its values."""
+    y = np.sin(2 * np.pi * np.arange(20) / 20) + 1
+    tables = of_points(np.arange(20) * 1e-3, 10 * y, period="20 ms")
+    assert turned("law(t)", end=0.2, tables=tables, method=method) == pytest.approx(2.0, rel=1e-12)
+    assert turned("law(t)", end=0.027, tables=tables, method=method) == pytest.approx(
+        0.2 + np.trapezoid(10 * y[:8]) * 1e-3, rel=1e-12
+    )
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("shift", [240, 260, 600])
+def test_many_periods_before_the_start_change_nothing(shift, method):
+    y = np.sin(2 * np.pi * np.arange(40) / 40) + 1
+    tables = of_points(np.arange(40) * 1e-8, 10 * y, period="0.4 us")
+    found = turned("law(t + shift)", end=2e-5, tables=tables, method=method, shift=f"{shift} s")
+    assert found == pytest.approx(2e-4, rel=1e-5)  # the rounding of the time is 6e-14 s
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("apart", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_two_points_close_together_are_a_jump(apart, method):
+    tables = of_points([0, 0.5, 0.5 + apart, 1], [0, 0, 1, 1])
+    found = turned("law(t)", end=1, tables=tables, method=method)
+    assert found == pytest.approx(0.5 - apart / 2, abs=1e-12)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    ("torque", "expected"),
+    [
+        ("N*sign(mod(t, P) - P/2)", -0.1),
+        ("N*abs(mod(t, P) - P/2)/S", 2 * 0.35**2 + 0.35**2 / 2 + 0.25**2 / 2),
+        ("N*max(mod(t, P) - P/2, 0*S)/S", 0.35**2 + 0.25**2 / 2),
+        ("N*mod(t, P)/S", 0.7**2 + 0.6**2 / 2),
+    ],
+)
+def test_waves_by_remainders(torque, expected, method):
+    assert turned(torque, end=2, method=method) == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_table_may_have_the_name_of_a_profile():
+    table = {"x": ["0 s", "1 s"], "y": ["0 N*m", "2 N*m"]}
+    found = turned("trapezoid(t)", "N*profile.trapezoid(t/S)", end=1, tables={"trapezoid": table})
+    assert found == pytest.approx(1.5, rel=1e-9)
