@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char elastic_place_tangents_equations[65] = "f0f739ec270718d372260eb651b0b4d41182eb147ba3b537f48477f04aa84d07";
+const char elastic_place_tangents_equations[65] = "7dd3dbf564528bb98e25aea85692e697090effb0a5de9c774c31dc872a411561";
 
 /* tangent of constants of a link by a unit mass, force, axial force and moment of inertia at x: 0 operations */
 void elastic_place_tangents_point_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

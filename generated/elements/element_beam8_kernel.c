@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_beam8_equations[65] = "cbd3af30eb30531b840397d31fc7bf01839bf5781033cf9a160b835393763886";
+const char element_beam8_equations[65] = "d49ce319093b890edfd56adf0d0699ae8d8f3b4c1d86d62bfa1bd44842a9492c";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 147 operations (48 add, 99 mul, 5 neg) */
 void element_beam8_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_beam9_equations[65] = "20693ebb8db9f5140706aca41b173f35da157d788f388ca62e8a4f11b91f9530";
+const char element_beam9_equations[65] = "c551dbc8b0f1324290c7185e9a68a1055f7aba658f2763ad1c40bb6506eb38a3";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 163 operations (53 add, 110 mul, 6 neg) */
 void element_beam9_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_rayleigh_tangents_equations[65] = "d50c80e7cb76f8412abdb57b070371fb2a0d8fc1e1d59d5ff4dc78c3b6d0989b";
+const char element_rayleigh_tangents_equations[65] = "5ad17fd026dcfd67425749a40e8c3960ad2778aeb4fe569fd815d33f9b01506d";
 
 /* tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 849 operations (308 add, 539 mul, 2 div, 12 neg) */
 void element_rayleigh_tangents_mass_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_timoshenko_equations[65] = "42b886e69b09948d052ae35312e766fe4cb0dfa086beaf450d1c76a2050394c9";
+const char element_timoshenko_equations[65] = "4dd18a02f0b6366cf690979e639b5113fa0a7d7991080647c6126247a6221935";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 232 operations (108 add, 123 mul, 1 div, 13 neg) */
 void element_timoshenko_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

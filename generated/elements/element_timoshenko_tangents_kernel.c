@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_timoshenko_tangents_equations[65] = "ccd65f015a44a838b1fbb41e5a4c062144ae074d1c90022bde1c94377f1d01a7";
+const char element_timoshenko_tangents_equations[65] = "0bcae8cbfa7b0ce297c0f5df6ea975b90ff83b8d37a73666fee43ae982993d19";
 
 /* tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 566 operations (264 add, 300 mul, 2 div, 27 neg) */
 void element_timoshenko_tangents_mass_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char rigid_element_equations[65] = "3729bf91d0a0210ed663418e7ed2a87be38b82d4bd746fac9d9ea92dfca228f5";
+const char rigid_element_equations[65] = "a2cd9a83f1c97ee46b3ff7edaa4f77979a246775059ea01e707247d6e76a0791";
 
 /* [d] of the forces and moments (F) at both nodes, as they act at the centre of mass: 19 operations (11 add, 8 mul, 6 neg) */
 void rigid_element_nodal_matrix(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

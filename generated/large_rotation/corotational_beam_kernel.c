@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char corotational_beam_equations[65] = "df14d5d3fa102ca771d79f8fecc6a2f25972741adf9e4cefabf36e3eb061ba0a";
+const char corotational_beam_equations[65] = "5791a3cc8ee3a99a246f36fa2a24a9634bfd2045d51b04df32f692650ba740fd";
 
 /* inertia and internal force less gravity: 549 operations (127 add, 411 mul, 4 div, 18 neg, 7 call) */
 void corotational_beam_residual(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

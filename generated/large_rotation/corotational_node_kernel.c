@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char corotational_node_equations[65] = "36195672a722c9f734934f7f2cf7c755765dda2fbddd9ee4a5b0ea1bce22a0e5";
+const char corotational_node_equations[65] = "5b2f6dbe406d795b342fd972f68b2469046e807a2204d5ff29b5760d7bb0b5bd";
 
 /* inertia and internal force less gravity: 7 operations (2 add, 5 mul) */
 void corotational_node_residual(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

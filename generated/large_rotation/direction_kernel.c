@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char direction_equations[65] = "9befe1b84c86d1d6b83004ab4bcfcb621baab164f29bc52d936fb57754ef37b0";
+const char direction_equations[65] = "e5d5d98387b33efd785251a079e674b7361908e3e716d9ab946d34a11637b44a";
 
 /* error, rate and slopes of the constraint: 125 operations (38 add, 87 mul) */
 void direction_row(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

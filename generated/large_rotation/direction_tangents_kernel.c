@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char direction_tangents_equations[65] = "3391e0d84e4cf4dfc08696714e48b6465665533ab5891e42acf4c25a79e310f0";
+const char direction_tangents_equations[65] = "0fb1e0796b71cb80cd6c43ed8ffd3da2bf7db612985252af1797bdc9c3defae3";
 
 /* tangent of error, rate and slopes of the constraint: 348 operations (140 add, 208 mul) */
 void direction_tangents_row_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -10,7 +10,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char director_beam_equations[65] = "c0f3f5f7224ed487a2d013d71093c378dc9c417e4659f3ef189be3f36ae3def2";
+const char director_beam_equations[65] = "a80545f8f4c390d17036867e93f9d4a378b99a27f04befccec2fd832079e7595";
 
 /* inertia and internal force less gravity: 1185 operations (358 add, 824 mul, 3 div, 12 neg) */
 void director_beam_residual(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -10,7 +10,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char director_beam_tangents_equations[65] = "a93b368029979069ea3e396e4967ad2af7f9e46835b343e17a3a39ae08e96c81";
+const char director_beam_tangents_equations[65] = "80f27fea03ebc8376fac14d1242878939ee32a01320a6459318e4913b771c822";
 
 /* tangent of inertia and internal force less gravity: 4100 operations (1252 add, 2843 mul, 5 div, 37 neg) */
 void director_beam_tangents_residual_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

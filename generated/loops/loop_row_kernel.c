@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char loop_row_equations[65] = "697562a975bc56f7a6a510daf8df09b211c9ffaa0434d1abf3f6ca80a89d679d";
+const char loop_row_equations[65] = "e955c57fc7210fc18de1273b7150846a8f80e06f9fa7d7e87aa349b9e41652ae";
 
 /* axes and origin of the frame behind the row: 28 operations (5 add, 17 mul, 1 neg, 6 call) */
 void loop_row_transform(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char peaucellier_equations[65] = "4b425b1d4e8352632e547b4d05951e8c182406dbb6ffe2190b1d2fcffd8e27a0";
+const char peaucellier_equations[65] = "768525cda17c23e9bd7093f1388209e7aba4e5e7f54e4bd06dd62d554b68556f";
 
 /* One over a pivot, or zero where cancellation left nothing of it. */
 static double guarded_inverse(double pivot, double sound, double tolerance)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char slider_crank_equations[65] = "2518e8aa24472a9c85f0eafe0d60e75675f63cff92304179f31d4da0cf20b7b7";
+const char slider_crank_equations[65] = "fcdfa80c2ab00af950c44a8610d2c289829310cbf36f1579c6ee19578c695252";
 
 /* what depends on the parameters alone, once before all else: out is p + 5: 11 operations (8 mul, 1 neg, 3 call) */
 void slider_crank_setup(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_dyad_equations[65] = "0293ea52967c22fbe0c557e1f049ffb3f442af09ad04bd2c3d4bcbe85e9e2e85";
+const char synthesis_dyad_equations[65] = "5196a9951ad3d53d41b943fde4e4d557d146a5451ca917bdb5aff339b5c0586c";
 
 /* residual and its derivatives: 69 operations (25 add, 42 mul, 4 neg, 2 call) */
 void synthesis_dyad_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

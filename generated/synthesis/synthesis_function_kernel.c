@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_function_equations[65] = "7946b54df11effeee3575f8288d613f90b976ac5a58b8cfe6d278f00e84bcc9a";
+const char synthesis_function_equations[65] = "b1328be65d6cc8b67a09f244852c95364783d4351347ec57a1154ede5fc7396c";
 
 /* residual and its derivatives: 20 operations (10 add, 4 mul, 2 neg, 6 call) */
 void synthesis_function_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

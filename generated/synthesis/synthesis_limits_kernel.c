@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_limits_equations[65] = "f0d55283cb9c1645a573dd9bde5df88c0597675b6f2eee477074cc5689a5f41a";
+const char synthesis_limits_equations[65] = "2289b424b56ddaa0ca7f91b39f4fbb93ccbfdfa23e6eca5a1d5472294c00efb1";
 
 /* residual and its derivatives: 97 operations (42 add, 43 mul, 16 neg, 12 call) */
 void synthesis_limits_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

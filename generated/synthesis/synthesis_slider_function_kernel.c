@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_slider_function_equations[65] = "1d38295ece9db8b42a4654916e8e93073a0690a60a0fa5b3b3b0a88b94efef2d";
+const char synthesis_slider_function_equations[65] = "b524e9e53a7c214d6c566431d475eab0b27570c10ffab54961e377783afcdba9";
 
 /* residual and its derivatives: 36 operations (11 add, 23 mul, 2 neg, 2 call) */
 void synthesis_slider_function_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_spherical_dyad_equations[65] = "550a14d89c117a1eb14f40a006eacdd00dccd22891195404796fe7e29a9d1438";
+const char synthesis_spherical_dyad_equations[65] = "58b7cbbef048d3c1daecb41a19e981a976f9e584830040e54e01fba18ce2ffbb";
 
 /* residual and its derivatives: 122 operations (25 add, 87 mul, 10 call) */
 void synthesis_spherical_dyad_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

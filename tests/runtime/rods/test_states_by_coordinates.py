@@ -150,7 +150,7 @@ def test_the_rate_of_an_angle_is_given_on_a_moving_pivot():
     ("positions", "rates", "text"),
     [
         ({"rocker.angle": 0.0}, {}, "cannot be led from its start to rocker.angle = 0 .*stops near"),
-        ({"crank.angle": 1.0, "rocker.angle": 1.0}, {}, "expected 1 independent coordinates"),
+        ({"crank.angle": 1.0, "rocker.angle": 1.0}, {}, "expected 1 independent coordinate "),
         ({"crank.angel": 1.0}, {}, "crank.angle"),
         ({"crank.angle": math.nan}, {}, "expected a finite number"),
         ({"crank.angle": 1.0}, {"rocker.angle": 1.0}, "no position is given"),
