@@ -145,9 +145,12 @@ def lower(expression: sp.Expr) -> Node:
     if isinstance(expression, PiecewisePolynomial):
         return lower(expression.in_terms)
     if isinstance(expression, PieceFunction):
-        arguments = tuple(lower(a) for a in expression.args)
         digest = sha256(repr(expression.column).encode()).hexdigest()[:12]  # names of tables may be equal
-        return Lookup(f"table_{expression.func.__name__}_{digest}", arguments, expression.column)
+        return Lookup(
+            f"table_{expression.func.__name__}_{digest}",
+            tuple(map(lower, expression.args)),
+            expression.column,
+        )
     function = FUNCTIONS.get(expression.func)
     if function is None:
         raise DerivationError(f"no kernel function for {expression.func.__name__}")
