@@ -11,7 +11,6 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from decimal import Context, Decimal
-from hashlib import sha256
 
 import sympy as sp
 
@@ -145,12 +144,8 @@ def lower(expression: sp.Expr) -> Node:
     if isinstance(expression, PiecewisePolynomial):
         return lower(expression.in_terms)
     if isinstance(expression, PieceFunction):
-        digest = sha256(repr(expression.column).encode()).hexdigest()[:12]  # names of tables may be equal
-        return Lookup(
-            f"table_{expression.func.__name__}_{digest}",
-            tuple(map(lower, expression.args)),
-            expression.column,
-        )
+        name = f"table_{expression.func.__name__}_{expression.column.digest}"  # names may be equal
+        return Lookup(name, tuple(map(lower, expression.args)), expression.column)
     function = FUNCTIONS.get(expression.func)
     if function is None:
         raise DerivationError(f"no kernel function for {expression.func.__name__}")

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
+from hashlib import sha256
 from typing import Any, ClassVar
 
 import mpmath
@@ -74,6 +75,11 @@ class PieceNumbers:
         if not self.finds:
             return self._entry(int(x))
         return branch if int(branch) % 2 else Fraction(self._piece(x))
+
+    @property
+    def digest(self) -> str:
+        """A word for these numbers."""
+        return sha256(repr(self).encode()).hexdigest()[:12]
 
     def _piece(self, x: Fraction) -> int:
         if not self.period:
