@@ -184,6 +184,8 @@ class _Reader:
                 hint='Write a quantity with a unit ("2 cm") or an expression over parameters ("2*a + b"); '
                 "a quantity in an expression is a parameter of its own.",
             ) from None
+        if "^" in self.text:  # here, since Python binds it less than + and -
+            raise self.refuse("uses ^, which is for units only", "Write ** for a power.")
         expression, dim = self.node(tree.body, 0)
         return self.finite(expression), dim
 
@@ -255,8 +257,6 @@ class _Reader:
                 return a / b, da.times(db.power(Fraction(-1)))
             case ast.Pow():
                 return self.power(left, right)
-        if isinstance(op, ast.BitXor):
-            raise self.refuse("uses ^, which is for units only", "Write ** for a power.")
         raise self.refuse(f"uses {type(op).__name__}, which is not allowed in a scene")
 
     def named(self, name: str) -> Value:
@@ -304,6 +304,9 @@ class _Reader:
         if len(arguments) != count:
             raise self.refuse(f"gives {name} {len(arguments)} arguments instead of {count}")
         dims = [dim for _, dim in arguments]
+        if name in ("min", "max"):  # zero needs no unit
+            others = reversed(dims)
+            dims = [b if x == 0 and a == NUMBER else a for (x, a), b in zip(arguments, others, strict=True)]
         if name in ("min", "max", "mod") and dims[0] != dims[1]:
             raise self.refuse(f"gives {name} {describe(dims[0])} and {describe(dims[1])}")
         if name == "mod":

@@ -81,6 +81,14 @@ def test_loads_on_a_rail():
     assert run["A.reaction"].values[0] == pytest.approx([-1.0, -2.0])
 
 
+def test_forces_of_a_rail_are_not_proposed():
+    links = {"rail": {"points": ["A", "B"]}, "rod": {"points": ["O", "P"], "mass": "1 kg"}}
+    scene = pendulum(points=RAIL | POINTS, links=links, analysis={"outputs": ["rail.P.force"]})
+    with pytest.raises(SceneError, match="no output 'rail.P.force'") as refused:
+        build(scene)
+    assert "rail." not in refused.value.hint
+
+
 def test_a_length_that_depends_on_the_time_is_of_a_massless_link():
     """A rod held by a cylinder that grows by 1 mm/s: the length of the cylinder is that of the scene."""
     points = POINTS | {"Q": ground(2, 1)}

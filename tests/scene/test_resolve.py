@@ -118,6 +118,8 @@ CASES = {
         "[points]", 'a = "2*bb"\nbb = "1 kgg"\n[points]', "parameters.bb.value", "not a unit",
     ),
     "power by ^": ("[points]", 'a = "l^2"\n[points]', "parameters.a.value", "Write ** for a power"),
+    "powers of a difference by ^": ("[points]", 'a = "sqrt(l^2 - 4*l^2)"\n[points]', "parameters.a.value", "Write ** for a power"),
+    "least of a length and a number": ("[points]", 'a = "min(1, l)"\n[points]', "parameters.a.value", "gives min a plain number"),
     "angular velocity in hertz": ("[links]", '[start]\nrates = { OA = "2 Hz" }\n[links]', "start.rates.OA", '"2 rev/s"'),
     "point called this": ("B = { at", "this = { at", "points.this", "name of a load in its own expressions", ('"B"', '"this"')),
     "link called this": ("EB =", "this =", "links.this", "name of a load in its own expressions"),

@@ -142,6 +142,10 @@ def test_a_unit_is_described_as_an_engineer_says_it():
 
 def test_dimension_is_checked_and_zero_needs_none():
     assert parse_value("0", {}, units.LENGTH) == 0
+    for text in ("max(0, a)", "max(a, 0)"):
+        assert parse_value(text, NAMES, units.LENGTH).subs(A, 3) == 3
+        assert parse_value(text, NAMES, units.LENGTH).subs(A, -3) == 0
+    assert parse_value("min(0, 1/a)", NAMES, units.LENGTH.power(Fraction(-1))).subs(A, -4) == Fraction(-1, 4)
     with pytest.raises(SceneError, match="expected a length such as .*, got '3 s', a time"):
         parse_value("3 s", {}, units.LENGTH)
 

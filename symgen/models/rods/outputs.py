@@ -365,6 +365,7 @@ def _entries(model: RodsModel, name: str) -> Entries:
         return of_loads[name]
     known = [f"{p}.{w}" for p in model.points for w in OF_POINTS]
     known += [f"{k}.{w}" for k in links for w in OF_LINKS]
-    known += [f"{k}.{p}.{w}" for k, points in links.items() for p in points for w in OF_JOINTS]
+    loaded = {k: points for k, points in links.items() if k not in model.idle}
+    known += [f"{k}.{p}.{w}" for k, points in loaded.items() for p in points for w in OF_JOINTS]
     known += of_loads
     raise SceneError(f"there is no output {name!r}", hint=nearest(name, known))

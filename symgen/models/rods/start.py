@@ -10,6 +10,7 @@ import sympy as sp
 from symgen.models.rods.matrix import named, sparse
 from symgen.scene.rods.linkage import TIME
 from symgen.symbolic.calculus import ONE, ZERO
+from symgen.symbolic.constants import rounded
 from symgen.symbolic.system import Export, NamedMatrix
 from symgen.symbolic.vectors import cross, dot
 
@@ -97,7 +98,7 @@ def _assembly(model: RodsModel) -> list[NamedMatrix]:
             rows.append(constraint.name)
     for name, angle in angles:
         x, y = model.hinges[name].components(model.arm(name)) if name in model.hinges else model.along[name]
-        drawn_x, drawn_y = _direction(*(c.xreplace(drawn).xreplace(constants) for c in (x, y)))
+        drawn_x, drawn_y = _direction(*(_written(c.xreplace(drawn).xreplace(constants)) for c in (x, y)))
         c, d = sp.cos(angle), sp.sin(angle)
         turn = _angle(c * drawn_x + d * drawn_y, d * drawn_x - c * drawn_y)
         now = _angle(drawn_x, drawn_y) + s * turn
@@ -121,6 +122,11 @@ def _assembly(model: RodsModel) -> list[NamedMatrix]:
         ),
         sparse(model, "assembly_jacobian", gradients, "1", about, rows=rows),
     ]
+
+
+def _written(value: sp.Expr) -> sp.Expr:
+    """Return a number as a fraction of 60 digits: SymPy takes minutes for functions of roots and sines."""
+    return value if value.free_symbols else sp.Rational(str(rounded(value, 60)))
 
 
 def _direction(x: sp.Expr, y: sp.Expr) -> tuple[sp.Expr, sp.Expr]:

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 
 import symgen
 
-V_TWIN = Path(__file__).parents[2] / "cases" / "v_twin.toml"
+V_TWIN = Path(__file__).parents[2] / "cases" / "machines" / "v_twin.toml"
 AT = [0, 30, 55, 90, 140, 200, 260, 300, 330]
 FORCES = [1, 8, 5, 3, 2, 1, 1.5, 2, 4]
 RATE, END = 2.0, 5.0

@@ -1,0 +1,48 @@
+"""Universal and prismatic joints between bodies, and what a drive reacts on, as the documentation states them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import symgen
+
+MACHINES = Path(__file__).parents[1] / "cases" / "machines"
+TIMES = np.array([0.0, 0.11, 0.34, 0.62, 0.9])
+
+
+def test_a_massless_rod_between_two_yokes_is_a_universal_joint():
+    """The output shaft leads and lags; its angle is atan(tan(input)/cos(bend))."""
+    run = symgen.build(MACHINES / "hooke_joint.toml").simulate(t_eval=TIMES, rtol=1e-12)
+    w, bend = 2 * np.pi, np.pi / 6
+    turn = w * TIMES
+    share = 1 - (np.sin(bend) * np.cos(turn)) ** 2
+    ratio = np.cos(bend) / share
+    axis = np.array([np.cos(bend), np.sin(bend), 0])
+    assert run["output.angular_velocity"].values == pytest.approx(np.outer(w * ratio, axis), abs=1e-10)
+    acceleration = -np.cos(bend) * np.sin(bend) ** 2 * np.sin(2 * turn) * w**2 / share**2
+    torque = (2 + 0.004 * acceleration) * ratio
+    assert run["input.torque"].values == pytest.approx(torque, rel=1e-9)
+
+
+def test_three_points_on_two_parallel_lines_are_a_prismatic_joint():
+    """The boom at the distance r rotates with the turret: forces by its radial and angular momentum."""
+    run = symgen.build(MACHINES / "telescope.toml").simulate(t_eval=TIMES, rtol=1e-12)
+    s, c = np.sin(2 * TIMES), np.cos(2 * TIMES)
+    tip = (0.8 + 0.1 * s)[:, None] * np.stack([c, s, 0 * s], axis=1)
+    assert run["T.position"].values == pytest.approx(tip, abs=1e-12)
+    radius, rate, acceleration = 0.8 + 0.1 * s, 0.2 * c, -0.4 * s
+    assert run["screw.tension"].values == pytest.approx(20 * (radius * 4 - acceleration), rel=1e-9)
+    assert run["turret.torque"].values == pytest.approx(2 * 20 * radius * rate * 2, rel=1e-9)
+    assert any("1 of 19 constraints redundant" in note for note in run.notes)
+
+
+def test_drives_of_two_links_react_on_the_ground():
+    """The motor of the elbow carries the forearm alone, that of the shoulder both links."""
+    run = symgen.build(MACHINES / "two_arms.toml").simulate(samples=2)
+    elbow = 1 * 9.81 * 0.15
+    shoulder = 2 * 9.81 * 0.2 + 1 * 9.81 * 0.55
+    assert run["fore.torque"].values == pytest.approx(elbow, rel=1e-12)
+    assert (run["upper.torque"] + run["fore.torque"]).values == pytest.approx(shoulder, rel=1e-12)
