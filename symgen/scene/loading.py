@@ -7,13 +7,13 @@ import os
 import tomllib
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from symgen.calls import checked
 from symgen.errors import SceneError, nearest
-from symgen.scene.tables.files import with_points
+from symgen.scene.tables.files import of_files, with_points
 
 if TYPE_CHECKING:
     from symgen.scene.schema import Scene
@@ -28,11 +28,15 @@ _LISTS = "'symgen scenes' lists the shipped ones."
 
 @dataclass(frozen=True, slots=True)
 class SceneText:
-    """A scene read but not yet checked: its name, where it came from, and its tables."""
+    """A scene read but not yet checked: its name, where it came from, and its tables.
+
+    ``of_files`` are tables of points as written, which files give.
+    """
 
     name: str
     file: str
     data: Mapping[str, Any]
+    of_files: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def canonical(self) -> str:
@@ -102,14 +106,18 @@ def read_scene(source: str | os.PathLike[str]) -> SceneText:
         raise SceneError(f"this is not valid TOML: {error}", file=path.name, hint=hint) from None
     if _depth(data) > _DEEPEST:
         raise SceneError(f"expected tables nested at most {_DEEPEST} deep", file=path.name)
-    tables = data.get("tables")
-    if isinstance(tables, dict):
-        for name, table in tables.items():
-            try:
-                tables[name] = with_points(table, path.parent)
-            except SceneError as error:
-                raise error.located(where=f"tables.{name}").located(file=path.name) from None
-    return SceneText(_identifier(path.stem), path.name, data)
+    given = of_files(data.get("tables"), path.parent)
+    return _with_points(SceneText(_identifier(path.stem), path.name, data, given), path.parent)
+
+
+def _with_points(text: SceneText, folder: Path | None = None) -> SceneText:
+    """Return a scene with the points of its tables."""
+    if "tables" not in text.data:
+        return text
+    try:
+        return replace(text, data={**text.data, "tables": with_points(text.data["tables"], folder)})
+    except SceneError as error:
+        raise error.located(file=text.file) from None
 
 
 def _alike(text: str) -> str:
@@ -134,7 +142,8 @@ def load_scene(source: str | os.PathLike[str], set: Mapping[str, Any] | None = N
     set
         Values to replace, by parameter name or by dotted key: ``{"rho": "2 kg/m"}``,
         ``{"links.OA.mass": "1 kg"}``. A table replaces that of the scene; ``parameters`` and ``inputs``
-        replace or add the values that they name. None removes a key or a table.
+        replace or add the values that they name. None removes a key or a table. Names of files are relative
+        to the working directory, those in a scene file to its folder.
 
     Raises
     ------
@@ -145,7 +154,7 @@ def load_scene(source: str | os.PathLike[str], set: Mapping[str, Any] | None = N
 
 
 #: Tables that a scene may leave out.
-_TABLES = ("analysis", "gravity", "start", "inputs", "parameters", "units")
+_TABLES = ("analysis", "gravity", "start", "inputs", "parameters", "tables", "units")
 #: Tables of named values, which are set by the name alone.
 NAMED = ("parameters", "inputs")
 
@@ -158,8 +167,8 @@ def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
     """Return the scene with the values at these parameters or dotted keys replaced, or removed for None."""
     if not changes:
         return text
-    data = json.loads(json.dumps(text.data, default=str))
     changes = by_name(text, changes)
+    data = _as_written(text, changes)
     for key, value in changes.items():
         named = [table for table in map(data.get, NAMED) if isinstance(table, dict)]
         parameters = next((table for table in named if key in table), None)
@@ -190,7 +199,17 @@ def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
                 or _respelled(path, last, table)
                 or nearest(key, [name for table in named for name in table]),
             )
-    return SceneText(text.name, text.file, _left(data))
+    return _with_points(SceneText(text.name, text.file, _left(data)))
+
+
+def _as_written(text: SceneText, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the tables of a scene, in which those of points whose file or titles change are as written."""
+    data: dict[str, Any] = json.loads(json.dumps(text.data, default=str))
+    for name, table in text.of_files.items():
+        x, y = (changes.get(f"tables.{name}.{key}") for key in "xy")
+        if f"tables.{name}.file" in changes or isinstance(x, str) or isinstance(y, str):
+            data["tables"][name] = dict(table)
+    return data
 
 
 def _remove(text: SceneText, table: Any, key: str) -> None:

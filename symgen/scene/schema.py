@@ -35,6 +35,7 @@ from symgen.scene.table import (
     Vector,
     absent,
 )
+from symgen.scene.tables.files import with_points
 from symgen.scene.tables.points import PointsTable
 
 FORMAT_VERSION = 1
@@ -256,8 +257,11 @@ class Scene(Table):
     @checked
     def __init__(self, /, **tables: Any) -> None:
         _add_tables()
+        tables = written_out(tables)
+        if "tables" in tables:
+            tables["tables"] = with_points(tables["tables"])
         try:
-            super().__init__(**written_out(tables))
+            super().__init__(**tables)
         except ValidationError as error:
             raise scene_error(Scene, error) from None
         self._check_kind()

@@ -116,8 +116,8 @@ def test_points_of_a_file_are_those_of_its_columns(separator, tmp_path):
             "a",
             r"\[tables.law\] x: expected the title of a column(.|\n)*Did you mean 'a \[s\]'",
         ),
-        ("a [s],b [N]\n", "a [s]", r"at least two of points"),
-        (None, "a [s]", r"\[tables.law\] file: cannot read the points"),
+        ("a [s],b [N]\n", "a [s]", r"at least two of points in .*law.csv"),
+        (None, "a [s]", r"\[tables.law\] file: cannot read the points of '/.*/law.csv': No such file"),
     ],
 )
 def test_faults_of_a_file_of_points_are_named(content, x, message, tmp_path):
@@ -125,6 +125,63 @@ def test_faults_of_a_file_of_points_are_named(content, x, message, tmp_path):
         (tmp_path / "law.csv").write_text(content)
     with pytest.raises(SceneError, match=message):
         resolved(tmp_path, f'law = {{ file = "law.csv", x = "{x}", y = "b [N]" }}')
+
+
+PYTHON = {
+    "points": {"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["1 m", "0 m"]}},
+    "links": {"bar": {"points": ["O", "A"], "mass": "1 kg"}},
+    "torques": [{"link": "bar", "torque": "law(t)"}],
+}
+TITLES = {"x": "time [s]", "y": "torque [N*m]"}
+
+
+def written(path, torque):
+    path.write_text(f"time [s],torque [N*m]\n0,{torque}\n1,{torque}\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ({"file": "law.csv", **TITLES}, r"\[tables.law\] file: cannot read the points of '/.*/law.csv'"),
+        ({"file": 3, **TITLES}, r"\[tables.law\] file: expected the name of a file, got 3"),
+    ],
+)
+def test_faults_of_a_table_in_python_name_it(table, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SceneError, match=message):
+        symgen.Scene(tables={"law": table}, **PYTHON)
+
+
+def test_files_of_a_scene_lie_beside_it_and_those_of_set_in_the_working_directory(tmp_path, monkeypatch):
+    """A uniform torque of 1, 2 or 4 N m about the end of a rod of 1 kg and 1 m: an acceleration of 3, 6 or 12."""
+    beside, here = tmp_path / "beside", tmp_path / "here"
+    beside.mkdir(), here.mkdir()
+    monkeypatch.chdir(here)
+    written(beside / "law.csv", 1), written(here / "law.csv", 2)
+    (here / "other.csv").write_text("s [s];T [N*m]\n0;4\n1;4\n")
+    scene = beside / "scene.toml"
+    scene.write_text(
+        'symgen = 1\n[tables]\nlaw = { file = "law.csv", x = "time [s]", y = "torque [N*m]" }\n'
+        '[points]\nO = { at = ["0 m", "0 m"], ground = true }\nA = { at = ["1 m", "0 m"] }\n'
+        '[links]\nbar = { points = ["O", "A"], mass = "1 kg" }\n'
+        '[[torques]]\nlink = "bar"\ntorque = "law(t)"\n[analysis]\noutputs = ["bar.angular_acceleration"]\n'
+    )
+    other = {"tables.law.file": "other.csv", "tables.law.x": "s [s]", "tables.law.y": "T [N*m]"}
+    for changes, expected in (
+        ({}, 3), ({"title": "law"}, 3), ({"tables.law.file": "law.csv"}, 6), (other, 12),
+        ({"tables.law.y.1": "3 N*m"}, 3), ({"tables.law.file": str(beside / "law.csv")}, 3),
+    ):  # fmt: skip
+        run = symgen.build(scene, backend="numpy", set=changes).simulate(0.1, samples=2)
+        assert float(run["bar.angular_acceleration"][0]) == pytest.approx(expected, rel=1e-12)
+    with pytest.raises(
+        SceneError, match=rf"scene.toml: \[tables.law\] file: .* '{here}/no.csv': No such file"
+    ):
+        symgen.load_scene(scene, set={"tables.law.file": "no.csv"})
+    with pytest.raises(SceneError, match=r"\[tables.law\] x: expected the title(.|\n)*Titles: s \[s\], T"):
+        symgen.load_scene(scene, set={"tables.law.file": "other.csv", "tables.law.x": ["0 s", "1 s"]})
+    assert float(symgen.build(scene, set={"tables.law.file": written(here / "x.csv", 4)}, backend="numpy")
+                 .simulate(0.1, samples=2)["bar.angular_acceleration"][0]) == pytest.approx(12)  # fmt: skip
 
 
 def test_a_table_is_asked_by_one_number():

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import sympy as sp
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field
 
 from symgen.errors import SceneError
 from symgen.scene.table import Table, Value, absent
-from symgen.scene.tables.files import with_points
 from symgen.scene.units import Dimension, describe
 from symgen.symbolic.switch import Pieces
 
@@ -28,7 +26,7 @@ def _for_editors(schema: dict[str, Any]) -> None:
         points = schema["properties"][key]
         either = {"anyOf": [{k: v for k, v in points.items() if k != "description"}, {"type": "string"}]}
         schema["properties"][key] = {"description": points["description"], **either}
-    about = 'A file of columns beside the scene; x and y are then titles, as "angle [deg]".'
+    about = 'A file of columns; x and y are then titles, as "angle [deg]".'
     schema["properties"]["file"] = {"type": "string", "description": about}
 
 
@@ -47,11 +45,6 @@ class PointsTable(Table):
         description="Between points: straight lines; pchip: cubics without overshoot; cubic: a spline.",
     )
     period: Value | None = absent("The variable after which the values repeat.")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _of_file(cls, data: Any) -> Any:
-        return with_points(data, Path())
 
 
 class Tabulated(NamedTuple):
