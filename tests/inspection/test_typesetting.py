@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
+import math
 import random
 import re
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 import sympy as sp
+from scipy.interpolate import CubicSpline
 from shared.commands import call
 from shared.read_latex import from_text, matrix_from_latex
 
 import symgen
 from symgen.inspection.page import block_page
 from symgen.pipeline.subject import Subject
-from symgen.report.mathematics.equations import FORMATS, in_python, show
+from symgen.report.mathematics.equations import FORMATS, show
 from symgen.report.mathematics.layout import WIDTH, columns, in_lines, wrapped
+from symgen.report.mathematics.python import in_python
 from symgen.report.mathematics.record import record_in_latex, record_in_text
 from symgen.report.page.page import render
 from symgen.report.page.views import matrix_view
@@ -234,6 +238,40 @@ def test_the_copied_python_is_the_matrix():
         scope = {}
         exec(in_python(m), scope)
         assert scope[re.sub(r"\W", "_", m.name)] == sp.Matrix(m.matrix)
+
+
+TABLES = """
+symgen = 1
+[parameters]
+T = { value = "1 s", tunable = true }
+N = "1 N"
+S = "1 s"
+[tables]
+gas = { x = ["0 s", "0.3 s", "1 s"], y = ["1 N", "4 N", "2 N"], kind = "cubic", period = "2 s" }
+law = { x = ["0.1 s", "0.7 s", "1.5 s"], y = ["2 N", "-1 N", "5 N"], kind = "linear" }
+[points]
+O = { at = ["0 m", "0 m"], ground = true }
+A = { at = ["1 m", "0 m"] }
+[links]
+bar = { points = ["O", "A"], mass = "1 kg" }
+[[forces]]
+point = "A"
+force = ["gas(t/T*S)", "law(t) + N*profile.cycloidal(mod(t, S)/T) - N*sign(t - S)"]
+"""
+
+
+def test_copied_tables_are_those_of_scipy(tmp_path):
+    (tmp_path / "scene.toml").write_text(TABLES)
+    scope = {}
+    exec(in_python(symgen.derive(tmp_path / "scene.toml")["force"]), scope)
+    x, y = scope["force"]
+    spline = CubicSpline([0, 0.3, 1, 2], [1, 4, 2, 1], bc_type="periodic")
+    for at in (-2.65, 0.05, 0.45, 0.95, 1.45, 1.95, 6.31):
+        values = {s: {"t": at, "T": 1}.get(s.name, 0) for s in (x + y).free_symbols}
+        law, u = np.interp(at, [0.1, 0.7, 1.5], [2, -1, 5]), at % 1
+        cycloid = u - math.sin(2 * math.pi * u) / (2 * math.pi)
+        expected = [float(spline(at % 2)), law + cycloid - math.copysign(1, at - 1)]
+        assert [float(e.subs(values)) for e in (x, y)] == pytest.approx(expected, rel=1e-13)
 
 
 def test_a_page_has_buttons_that_copy():

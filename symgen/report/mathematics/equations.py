@@ -151,21 +151,6 @@ def displayed(m: NamedMatrix) -> list[str]:
     return aligned(entries)
 
 
-def in_python(m: NamedMatrix) -> str:
-    """Return a matrix as Python that SymPy alone runs."""
-    shown = m.equation if m.in_letters else sp.Matrix(m.matrix)
-    symbols: dict[str, list[str]] = {}
-    called = {s: re.sub(r"\W", "_", s.name).lstrip("_") for s in shown.free_symbols if not s.is_commutative}
-    for name, s in sorted((called.get(s, s.name), s) for s in shown.free_symbols):
-        symbols.setdefault("commutative=False" if s in called else "real=True", []).append(name)
-    declared = [f"{', '.join(x)} = symbols({' '.join(x)!r}, {kind})" for kind, x in symbols.items()]
-    letters = {s: sp.Symbol(name, commutative=False) for s, name in called.items()}
-    entries = sp.sstr(shown.xreplace(letters), sympy_integers=True)
-    return "\n".join(
-        ["from sympy import *", *declared, f"{re.sub(r'[^0-9A-Za-z_]', '_', m.name)} = {entries}"]
-    )
-
-
 def aligned(pairs: Sequence[tuple[str, str]]) -> list[str]:
     """Return pairs of left and right sides as lines of one aligned display."""
     if not pairs:

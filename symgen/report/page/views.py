@@ -9,8 +9,9 @@ from itertools import islice
 import sympy as sp
 from markupsafe import Markup
 
-from symgen.report.mathematics.equations import displayed, in_python
+from symgen.report.mathematics.equations import displayed
 from symgen.report.mathematics.numbers import value_of
+from symgen.report.mathematics.python import in_python
 from symgen.symbolic.notation import mathml, mathml_name
 from symgen.symbolic.quantity import Quantity
 from symgen.symbolic.system import Definition, NamedMatrix, SaddlePoint, System
