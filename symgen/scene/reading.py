@@ -18,13 +18,12 @@ from symgen.scene.names import is_reserved
 from symgen.scene.rods.linkage import TIME, PlacedPoint, number, state_symbol
 from symgen.scene.rods.run_parameters import Parameter, Text, Written
 from symgen.scene.schema import Scene
-from symgen.scene.tables.knots import check_knots
+from symgen.scene.tables.knots import check_rate
 from symgen.scene.tables.points import Tabulated, tabulated
 from symgen.scene.units import Dimension, is_quantity
 from symgen.symbolic.calculus import partial
 from symgen.symbolic.constants import vanishes
 from symgen.symbolic.quantity import AXES, quantity
-from symgen.symbolic.switch import Sign
 from symgen.symbolic.system import Definition
 from symgen.symbolic.vectors import cross
 
@@ -164,18 +163,11 @@ class Values:
         if not self.written.constants.keys().isdisjoint(used):
             self.written.texts[where] = Text(value, text, names)
 
-    def moving(self, expression: sp.Expr, where: str) -> None:
+    def moving(self, expression: sp.Expr, dim: Dimension, where: str) -> None:
         """Check that a prescribed motion has a velocity and an acceleration."""
-        if any(jump.has(TIME.symbol) for jump in expression.atoms(sp.Abs, Sign)):
-            raise SceneError(
-                "a prescribed motion needs an acceleration at every time: it cannot use abs, sign, min "
-                "or max",
-                where=where,
-                hint='Write a smooth function of t, such as "(1 + tanh((t - t1)/w))/2" for a step of width '
-                "w, or a load in place of the drive: loads may use them.",
-            )
+        unit = "rad" if dim == units.NUMBER else dim.unit
         with at(where):
-            check_knots(expression, TIME.symbol, self.defaults)
+            check_rate(expression, TIME.symbol, self.defaults, unit)
         for _ in range(2):
             expression = partial(expression, TIME.symbol)
             with at(where):

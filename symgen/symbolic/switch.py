@@ -7,6 +7,7 @@ a single knot these are 1 and -1, the branches of a sign. Derivatives are zero, 
 from __future__ import annotations
 
 import math
+import re
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -53,6 +54,20 @@ def greatest(a: sp.Expr, b: sp.Expr) -> sp.Expr:
 def least(a: sp.Expr, b: sp.Expr) -> sp.Expr:
     """Return the lesser of two expressions."""
     return -greatest(-a, -b)
+
+
+def written(expression: sp.Expr, variable: str = "") -> str:
+    """Return a jump nearly as it is written in a scene, with numbers to six digits.
+
+    ``variable`` is the owner of the state that the scene calls ``this``.
+    """
+    for f in sorted(expression.atoms(PiecewisePolynomial), key=sp.default_sort_key):
+        expression = expression.xreplace({f: sp.Symbol(f.pieces.of(written(f.args[0], variable)))})
+    rounded = {x: sp.Float(x, 6) for x in expression.atoms(sp.Rational) if not x.is_Integer}
+    text: str = sp.sstr(expression.xreplace(rounded))
+    if variable:
+        text = re.sub(rf"(?<![\w.]){re.escape(variable)}\.", "this.", text)
+    return text.replace("Abs(", "abs(").replace("Sign(", "sign(")
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,7 +212,7 @@ class Pieces:
         Period; 0 for a function that does not repeat.
     smooth
         Number of derivatives that are continuous at the knots; -1 if the value jumps.
-    written
+    form
         How a scene writes it, with {} for the argument; by default by its name.
     """
 
@@ -206,11 +221,11 @@ class Pieces:
     coefficients: tuple[tuple[Fraction, ...], ...]
     period: Fraction = Fraction(0)
     smooth: int = 0
-    written: str = ""
+    form: str = ""
 
     def of(self, x: str) -> str:
         """Return the function of an argument as a scene writes it."""
-        return (self.written or f"{self.name}({{}})").format(x)
+        return (self.form or f"{self.name}({{}})").format(x)
 
     def at(self, x: sp.Expr) -> sp.Expr:
         """Return the function at an argument, on the piece of the argument."""
@@ -285,5 +300,5 @@ def modulo(x: sp.Expr, period: sp.Expr) -> sp.Expr:
     """Return what is left of x less whole periods, from 0 to below the period, which is a number."""
     length = Fraction(int(_exact(period).p), int(_exact(period).q))
     one = Fraction(0), Fraction(1)
-    written = f"mod({{}}, {float(length):.6g})"
-    return Pieces("mod", (Fraction(0), length), (one, one), 2 * length, -1, written).at(x)
+    form = f"mod({{}}, {float(length):.6g})"
+    return Pieces("mod", (Fraction(0), length), (one, one), 2 * length, -1, form).at(x)

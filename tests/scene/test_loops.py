@@ -269,7 +269,7 @@ FAULTS = {
     "input called t": ([("loop.inputs.t", "3")], "loop.inputs.t", "already has a meaning"),
     "input that stands still": ([("loop.inputs.theta1", "30 deg")], "loop.inputs.theta1", "depends on the time, got '30 deg'"),
     "input of another kind": ([("loop.inputs.theta1", "w")], "loop.inputs.theta1", "expected an angle or a length"),
-    "input without acceleration": ([("loop.inputs.theta1", "abs(w*t)")], "loop.inputs.theta1", "cannot use abs"),
+    "input without acceleration": ([("loop.inputs.theta1", "abs(w*t)")], "loop.inputs.theta1", "rate jumps where"),
     "input by a later one": (
         [("loop.inputs", {"theta1": "2*phi", "phi": "w*t"})],
         "loop.inputs.theta1",

@@ -15,6 +15,7 @@ symgen = 1
 TABLE
 [parameters]
 T = "2 s"
+N = "1 N"
 k = { value = "1 N", tunable = true }
 [points]
 O = { at = ["0 m", "0 m"], ground = true }
@@ -77,6 +78,12 @@ def test_faults_of_a_call_are_named(force, message, tmp_path):
         ("profile.trapezoid(t/T)", True), ("profile.poly345(mod(t, T)/T)", False),
         ("profile.cycloidal(2*mod(t, T)/T) - profile.cycloidal(2*mod(t, T)/T - 1)", True),
         ("jagged(T*profile.poly345(t/T))", False),
+        ("max(t - T, 0*T)**2/T**2", True), ("max(t - k*T/N, 0*T)**2/T**2", True),
+        ("abs(t - T)*(t - T)/T**2", True), ("abs(t - T)*(t - k*T/N)/T**2", False),
+        ("sign(t - T)*(t - T)**2/T**2", True), ("sign(t - T)*(t - T)/T", False),
+        ("max(sin(t/T), 0)**2", True), ("max(sin(t/T), 0)", False), ("max(t**2/T**2 - 2, 0)**2", True),
+        ("abs(mod(t, T) - T/2)*(mod(t, T) - T/2)*mod(t, T)*(T - mod(t, T))/T**4", True),
+        ("max(smooth(t), 0.5)", False), ("smooth(max(t - T, 0*T))", True), ("jagged(max(t - T, 0*T))", False),
     ],
 )  # fmt: skip
 def test_a_prescribed_motion_may_not_jump_in_its_rate(angle, accepted, tmp_path):
@@ -89,8 +96,31 @@ smooth = { x = ["0 s", "1 s", "2 s"], y = [0, 1, 0], kind = "pchip", period = "2
     if accepted:
         resolved(tmp_path, tables, "0 N", drive)
     else:
-        with pytest.raises(SceneError, match=r"\[drivers.0\] angle: .*its rate jumps"):
+        with pytest.raises(SceneError, match=r"\[drivers.0\] angle: .*jumps"):
             resolved(tmp_path, tables, "0 N", drive)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "message"),
+    [
+        (["1 s", "2 s"], [0, 3], r"its rate jumps from 0 to 3 rad/s at t = 1 s, the first point of the table law\n.*pchip"),
+        (["0 s", "2 s"], [0, 3], r"from 1.5 to 0 rad/s at t = 2 s, the last point of the table law\n  Give it a period"),
+        (["0 s", "1 s", "2 s"], [0, 0, 3], r"from 0 to 3 rad/s at t = 1 s, with law\(t\)\n  Write kind"),
+    ],
+)  # fmt: skip
+def test_a_table_that_ends_with_a_rate_is_named_with_its_end(x, y, message, tmp_path):
+    table = f"law = {{ x = {x}, y = {y} }}".replace("'", '"')
+    with pytest.raises(SceneError, match=message):
+        resolved(tmp_path, table, "0 N", '\n[[drivers]]\nlink = "bar"\nangle = "law(t)"\n')
+
+
+def test_a_table_may_end_with_a_rate_of_zero(tmp_path):
+    """As the message says: by two equal values and pchip."""
+    table = 'law = { x = ["0 s", "1 s", "2 s", "3 s"], y = [0, 0, 1, 1], kind = "pchip" }'
+    run = resolved(tmp_path, table, "0 N", '\n[[drivers]]\nlink = "bar"\nangle = "law(t)"\n').simulate(
+        4.0, samples=9
+    )
+    assert run["A.position.x"].values[-1] == pytest.approx(0.5403023058681398, rel=1e-12)  # cos(1)
 
 
 @pytest.mark.parametrize("separator", [",", ";", "\t"])

@@ -97,7 +97,7 @@ def _angle(read: Reader, table: Table) -> sp.Expr:
 
 def _check_prescribed(read: Reader, table: Table, angle: sp.Expr) -> None:
     """Check an angle that is a function of the time."""
-    read.moving(angle, "crank.angle")
+    read.moving(angle, units.NUMBER, "crank.angle")
     if table.speed is not None:
         raise SceneError(
             "the angle of the crank depends on the time t: it has no speed in addition",

@@ -77,7 +77,7 @@ class LoopReader(Values):
             self._check_name(name, where)
             dim = self._dimension(text, where, names)
             motion = self.value(text, dim, where, names)
-            self.moving(motion, where)
+            self.moving(motion, dim, where)
             if not self.named and not motion.has(TIME.symbol):
                 raise SceneError(
                     f"expected a first input that depends on the time, got {text!r}",

@@ -63,7 +63,7 @@ def _length(read: Reader, name: str, drawn: Vector) -> sp.Expr:
     if text is None:
         return sp.sqrt(sp.Add(*(c**2 for c in drawn)))
     length = read.positive(text, units.LENGTH, where, read.with_time)
-    read.moving(length, where)
+    read.moving(length, units.LENGTH, where)
     return length
 
 
@@ -110,7 +110,7 @@ def _drawn(read: Reader, name: str, point: PointTable, place: list[str | int | f
         raise SceneError("only a ground point has a motion of its own", where=f"{where}.motion")
     moved = read.vector(point.motion, units.LENGTH, f"{where}.motion", read.with_time)
     for i, component in enumerate(moved):
-        read.moving(component, f"{where}.motion.{i}")
+        read.moving(component, units.LENGTH, f"{where}.motion.{i}")
     return PlacedPoint(name, at, True, tuple(a + b for a, b in zip(at, moved, strict=True)))
 
 

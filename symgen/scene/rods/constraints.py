@@ -40,7 +40,7 @@ def drivers(read: Reader) -> Iterator[Driver]:
             raise SceneError(f"the link {driver.link} is driven twice", where=f"{where}.link")
         driven.add(driver.link)
         angle = read.value(driver.angle, units.NUMBER, f"{where}.angle", read.with_time)
-        read.moving(angle, f"{where}.angle")
+        read.moving(angle, units.NUMBER, f"{where}.angle")
         yield Driver(driver.link, angle)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import replace
 from functools import partial
@@ -15,7 +14,7 @@ from symgen.scene.loop.loop import JointVariable, Loop, LoopLoad
 from symgen.scene.rods.linkage import TIME, Linkage, Vector
 from symgen.scene.rods.run_parameters import Parameter, Switch
 from symgen.symbolic.quantity import quantity
-from symgen.symbolic.switch import PiecewisePolynomial, Sign
+from symgen.symbolic.switch import PiecewisePolynomial, Sign, written
 
 #: Functions that change about an argument of zero, and hardly elsewhere.
 _EDGES = (sp.tanh, sp.cosh, sp.atan)
@@ -189,7 +188,7 @@ class _Switches:
         knots = sp.Tuple(x, *map(sp.Rational, (*pieces.knots, pieces.period)))
         if knots not in self._branches:
             name = self._name()
-            text = f"{pieces.of(_written(x.xreplace(self._words), self._this))} in {where}"
+            text = f"{pieces.of(written(x.xreplace(self._words), self._this))} in {where}"
             b = quantity(name, "1", f"branch of {text}: 0, or the piece while a run holds it")
             self._found.append(Switch(pieces.gap(x, b.symbol), b, text, pieces=True))
             self._branches[knots] = b.symbol
@@ -200,13 +199,13 @@ class _Switches:
         self._taken.add(name)
         return name
 
-    def _branch(self, where: str, gap: sp.Expr, written: sp.Expr, smooth: bool = False) -> sp.Expr:
+    def _branch(self, where: str, gap: sp.Expr, node: sp.Expr, smooth: bool = False) -> sp.Expr:
         """Return the sign of a gap with its branch; gaps that differ by a sign have one branch."""
         if -gap in self._branches:
             return -self._branches[-gap]
         if gap not in self._branches:
             name = self._name()
-            text = f"{_written(written.xreplace(self._words), self._this)} in {where}"
+            text = f"{written(node.xreplace(self._words), self._this)} in {where}"
             b = quantity(name, "1", f"branch of {text}: 0, or 1 and -1 while a run holds it")
             self._found.append(Switch(gap, b, text, smooth))
             self._branches[gap] = b.symbol + (1 - b.symbol**2) * Sign(gap)
@@ -227,14 +226,3 @@ def _middle(node: sp.Basic, constant: Set[sp.Symbol]) -> sp.Expr | None:
         return None
     slope = sp.diff(u, t)
     return slope if t in slope.free_symbols else u if isinstance(node, _EDGES) else None
-
-
-def _written(expression: sp.Expr, variable: str) -> str:
-    """Return a jump nearly as it is written in a scene, with numbers to six digits."""
-    for f in sorted(expression.atoms(PiecewisePolynomial), key=sp.default_sort_key):
-        expression = expression.xreplace({f: sp.Symbol(f.pieces.of(_written(f.args[0], variable)))})
-    rounded = {x: sp.Float(x, 6) for x in expression.atoms(sp.Rational) if not x.is_Integer}
-    text: str = sp.sstr(expression.xreplace(rounded))
-    if variable:
-        text = re.sub(rf"(?<![\w.]){re.escape(variable)}\.", "this.", text)
-    return text.replace("Abs(", "abs(").replace("Sign(", "sign(")

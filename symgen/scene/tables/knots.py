@@ -2,28 +2,46 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 
 import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.symbolic.calculus import partial
-from symgen.symbolic.switch import PiecewisePolynomial
+from symgen.symbolic.switch import PiecewisePolynomial, Sign, written
 
 #: Jump of a value, or of a rate over the largest found, that counts.
 _JUMP = 1e-9
+_NEEDS = "a prescribed motion needs an acceleration at every time"
 
 
-def check_knots(motion: sp.Expr, t: sp.Symbol, values: Mapping[sp.Symbol, sp.Expr]) -> None:
-    """Check that a function of the time has a continuous rate at the knots of its tables.
+def check_rate(motion: sp.Expr, t: sp.Symbol, values: Mapping[sp.Symbol, sp.Expr], unit: str) -> None:
+    """Check that a function of the time has a continuous rate: at its jumps, and at the knots of its tables.
 
     Where the variable of a table is no multiple of the time, plus a constant, its own smoothness counts.
+
+    Parameters
+    ----------
+    motion, t
+        The function, and its variable [s].
+    values
+        The tunable parameters in the scene. At jumps the rate has to be continuous for all of their values.
+    unit
+        Unit of the function.
 
     Raises
     ------
     SceneError
         For one whose value or rate jumps.
     """
+    for jump in sorted(motion.atoms(sp.Abs, Sign), key=sp.default_sort_key):
+        if jump.has(t) and not _is_smooth(motion, jump.args[0], t, values):
+            raise SceneError(
+                f"{_NEEDS}: its value or rate jumps where the argument of {written(jump)} passes zero",
+                hint="Write profile.poly345((t - t1)/T) for a rise from t1 on in a time T. abs, sign, min "
+                "and max fit where value and rate are continuous, as in max(t - t1, 0*t1)**2, and in loads.",
+            )
     functions = (f for f in motion.atoms(PiecewisePolynomial) if f.has(t))
     for function in sorted(functions, key=sp.default_sort_key):
         x = function.args[0]
@@ -31,7 +49,10 @@ def check_knots(motion: sp.Expr, t: sp.Symbol, values: Mapping[sp.Symbol, sp.Exp
             if function.pieces.smooth < 1:
                 raise _jumping(function)
             continue
-        for expression in (motion, partial(motion, t)):
+        for word, of, expression in (
+            ("it jumps", unit, motion),
+            ("its rate jumps", f"{unit}/s", partial(motion, t)),
+        ):
             for time, piece in _knots(function, t, values):
                 at = {**values, t: time}
                 before, behind = (
@@ -39,7 +60,42 @@ def check_knots(motion: sp.Expr, t: sp.Symbol, values: Mapping[sp.Symbol, sp.Exp
                     for p in (piece, piece + 2)
                 )
                 if abs(before - behind) > _JUMP * max(1.0, abs(before), abs(behind)):
-                    raise _jumping(function, float(time))
+                    change = f"{word} from {before:.6g} to {behind:.6g} {of} at t = {float(time):.6g} s,"
+                    raise _jumping(function, change, piece)
+
+
+def _is_smooth(motion: sp.Expr, gap: sp.Expr, t: sp.Symbol, values: Mapping[sp.Symbol, sp.Expr]) -> bool:
+    """Return whether a function is known to have a continuous rate where the argument of a jump passes zero.
+
+    The difference of both sides, written by the argument z in place of a term of it, has no part in 1 and z.
+    """
+    z = sp.Dummy()
+    sides = [motion.xreplace({sp.Abs(gap): side * gap, Sign(gap): sp.Integer(side)}) for side in (1, -1)]
+    between = sides[0] - sides[1]
+    # Any values show whether it vanishes for all; the second set is close to that of the scene.
+    near = {
+        s: x * (1 + sp.Rational(k, 97)) + sp.Rational(k, 9973) for k, (s, x) in enumerate(values.items(), 1)
+    }
+    for term in sp.Add.make_args(gap):
+        factor, variable = term.as_independent(t, as_Add=False)
+        if (rest := gap - term).has(variable) or not variable.has(t):
+            continue
+        by_gap = between.xreplace({variable: (z - rest) / factor})
+        parts = [e.xreplace({z: sp.S.Zero}) for e in (by_gap, partial(by_gap, z))]
+        samples = [
+            {**of, t: time} for of in (values, near) for time in (sp.Rational(3, 7), sp.Rational(11, 5))
+        ]
+        if all(abs(_number(e.xreplace(at))) <= _JUMP for e in parts for at in samples):
+            return True
+    return False
+
+
+def _number(x: sp.Expr) -> float:
+    """Return a value, NaN if it is none."""
+    try:
+        return float(x.n(30))
+    except TypeError:
+        return math.nan
 
 
 def _held(expression: sp.Expr, function: PiecewisePolynomial, piece: int) -> dict[sp.Expr, sp.Expr]:
@@ -68,11 +124,18 @@ def _knots(
         yield time, int(pieces.piece(knot, sp.S.Zero) + 2 * len(pieces.knots) * turns) - 2
 
 
-def _jumping(function: PiecewisePolynomial, time: float | None = None) -> SceneError:
-    when = "" if time is None else f" at t = {time:.6g} s"
-    return SceneError(
-        f"a prescribed motion needs an acceleration at every time: its rate jumps{when} with "
-        f"{function.pieces.of(str(function.args[0]))}",
-        hint='Give tables kind = "cubic" or "pchip", with a period or a rate of zero at their first and last '
-        "points, and let the parts of mod end as they begin.",
-    )
+def _jumping(function: PiecewisePolynomial, change: str = "", piece: int = 0) -> SceneError:
+    """Return the error for a motion that jumps with a table, or its rate, behind a piece if one is known."""
+    pieces, where = function.pieces, f"with {function.pieces.of(written(function.args[0]))}"
+    hint = "Let the parts of mod end as they begin."
+    if not pieces.form:
+        hint = f'Write kind = "cubic" or "pchip" for the table {pieces.name}.'
+        end = {-1: "first", 2 * len(pieces.knots) - 3: "last"}.get(piece)
+        if not pieces.period and (end or not piece):
+            hint = (
+                "Give it a period, or a rate of zero at its ends, whose values it keeps beyond: two equal "
+                'values there with kind = "pchip".'
+            )
+        if end and not pieces.period:
+            where = f"the {end} point of the table {pieces.name}"
+    return SceneError(f"{_NEEDS}: {change or 'its rate jumps'} {where}", hint=hint)

@@ -19,7 +19,7 @@ _ZERO, _ONE = _F(0), _F(1)
 def _ramp(name: str, smooth: int) -> Pieces:
     """Return the variable itself from 0 to 1, kept at its ends; ``smooth`` is that of the profile."""
     rows = (_ZERO, _ZERO), (_ZERO, _ONE), (_ONE, _ZERO)
-    return Pieces(f"profile_{name}", (_ZERO, _ONE), rows, smooth=smooth, written=f"profile.{name}({{}})")
+    return Pieces(f"profile_{name}", (_ZERO, _ONE), rows, smooth=smooth, form=f"profile.{name}({{}})")
 
 
 def _polynomial(name: str, smooth: int, coefficients: dict[int, int]) -> Callable[[sp.Expr], sp.Expr]:
@@ -38,15 +38,15 @@ def _cycloidal(x: sp.Expr) -> sp.Expr:
 def _modified_sine(x: sp.Expr) -> sp.Expr:
     knots = (_ZERO, _F(1, 8), _F(7, 8), _ONE)
     rows = (_ZERO, _ZERO), (_ZERO, _ONE), (_F(1, 8), _ONE), (_F(7, 8), _ONE), (_ONE, _ZERO)
-    written = "profile.modified_sine({})"
-    u = Pieces("profile_modified_sine", knots, rows, smooth=2, written=written).at(x)
+    form = "profile.modified_sine({})"
+    u = Pieces("profile_modified_sine", knots, rows, smooth=2, form=form).at(x)
     offset, size, rate, phase = (
         Pieces(
             f"profile_modified_sine_{name}",
             knots,
             tuple((_F(n),) for n in numbers),
             smooth=2,
-            written=written,
+            form=form,
         ).at(x)
         for name, numbers in (
             ("offset", (0, 0, 2, 4, 4)),
@@ -77,8 +77,8 @@ def _of_acceleration(name: str, smooth: int, *parts: tuple[Fraction, int]) -> Ca
     zero = [_ZERO] * (smooth + 1)
     scaled = [tuple(x / state[0] for x in row) for row in parts_of]
     rows = [(_ZERO, *zero), *scaled, (_ONE, *zero)]
-    written = f"profile.{name}({{}})"
-    return Pieces(f"profile_{name}", tuple(knots), tuple(rows), smooth=smooth, written=written).at
+    form = f"profile.{name}({{}})"
+    return Pieces(f"profile_{name}", tuple(knots), tuple(rows), smooth=smooth, form=form).at
 
 
 #: Profiles by name: of a plain number, with plain numbers.

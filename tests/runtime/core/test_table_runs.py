@@ -163,6 +163,43 @@ LAW = {
 }
 
 
+#: Drives by jumps with a continuous rate, T = 0.4 s, and their second derivatives before and behind the jump.
+BY_JUMPS = {
+    "max(t - T, 0*T)**2/T**2": (0.0, 12.5),
+    "abs(t - T)*(t - T)/T**2": (-12.5, 12.5),
+    "min(t - T, 0*T)**2/T**2": (12.5, 0.0),
+}
+
+
+@pytest.mark.parametrize("method", ["taylor", "dop853", "rk4"])
+@pytest.mark.parametrize("drive", BY_JUMPS)
+def test_a_drive_may_have_jumps_with_a_continuous_rate(drive, method):
+    """The torque of a crank about its axis, of moment of inertia 1/3: with weight 1/2 at its angle."""
+    scene = symgen.Scene(
+        parameters={"T": "0.4 s"},
+        points={"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["1 m", "0 m"]}},
+        links={"crank": {"points": ["O", "A"], "mass": "1 kg"}},
+        drivers=[{"link": "crank", "angle": drive}],
+        gravity={"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
+        analysis={"outputs": ["crank.angle", "crank.angular_acceleration", "crank.torque"]},
+    )
+    times = np.array([0.0, 0.15, 0.37, 0.43, 0.8])
+    model = symgen.build(scene, backend="c" if method == "taylor" else "numpy")
+    step = {"step": 0.03} if method == "rk4" else {}
+    run = model.simulate(0.8, t_eval=times, method=method, **step)
+    acceleration = np.where(times < 0.4, *BY_JUMPS[drive])
+    angle = acceleration * (times - 0.4) ** 2 / 2
+    assert run["crank.angle"].values == pytest.approx(angle, abs=1e-12)
+    assert run["crank.angular_acceleration"].values == pytest.approx(acceleration, abs=1e-9)
+    torque = acceleration / 3 + 9.81 / 2 * np.cos(angle)
+    assert run["crank.torque"].values == pytest.approx(torque, abs=1e-9)
+    assert any("steps end on 1 switching point" in note for note in run.notes)
+    poses, times = model.inverse_dynamics(0.0, 0.8, samples=8), np.linspace(0, 0.8, 8)
+    acceleration = np.where(times < 0.4, *BY_JUMPS[drive])
+    torque = acceleration / 3 + 9.81 / 2 * np.cos(acceleration * (times - 0.4) ** 2 / 2)
+    assert poses["crank.torque"].values == pytest.approx(torque, abs=1e-9)
+
+
 @pytest.mark.parametrize("method", ["taylor", "dop853"])
 def test_a_drive_by_a_spline_moves_a_rod_as_lagranges_equation_does(method):
     """The rod about A: (l/3) p'' = -(a_y + g) cos(p)/2 + a_x sin(p)/2."""
