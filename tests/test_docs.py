@@ -104,6 +104,35 @@ def test_the_scenes_of_the_page_on_scenes_are_built(tmp_path):
         assert symgen.build(file).capabilities
 
 
+#: A scene of the page of machines, the command on it, and lines of its output.
+MACHINE = re.compile(
+    r"^```\{literalinclude\} \.\./(\S+)\n:language: toml\n```\n\n```sh\n([^\n]*)\n```\n\n```\n(.*?)\n```$",
+    re.DOTALL | re.MULTILINE,
+)
+MACHINES = MACHINE.findall((DOCS / "machines.md").read_text("utf-8"))
+
+
+def test_the_page_of_machines_runs_every_scene_that_it_shows():
+    page = (DOCS / "machines.md").read_text("utf-8")
+    assert len(MACHINES) == page.count("{literalinclude}") == page.count("```sh") >= 15
+    cases = DOCS.parent / "tests" / "cases" / "machines"
+    assert {DOCS.parent / scene for scene, *_ in MACHINES} == {*cases.glob("*.toml")}
+
+
+@pytest.mark.parametrize("scene, command, shown", MACHINES, ids=[Path(m[0]).stem for m in MACHINES])
+def test_the_results_of_a_machine_are_those_of_the_run(scene, command, shown, monkeypatch):
+    """Every line that the page shows is one of the output, of which it may omit columns."""
+    monkeypatch.chdir((DOCS.parent / scene).parent)
+    program, *arguments = shlex.split(command)
+    assert program == "symgen" and Path(scene).name in arguments
+    done = runner.invoke(app, arguments)
+    assert done.exit_code == 0, done.output
+    printed = [line.split() for line in done.output.splitlines()]
+    for line in shown.splitlines():
+        rows = [iter(words) for words in printed]
+        assert any(all(word in row for word in line.split()) for row in rows), (line, done.output)
+
+
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
 @pytest.mark.parametrize(
     ("name", "before", "after"),

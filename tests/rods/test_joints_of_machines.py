@@ -27,6 +27,22 @@ def test_a_massless_rod_between_two_yokes_is_a_universal_joint():
     assert run["input.torque"].values == pytest.approx(torque, rel=1e-9)
 
 
+def test_a_universal_joint_with_a_common_point_carries_its_shaft():
+    """The output shaft has one bearing, which slides along it: the joint holds its other end."""
+    tables = symgen.load_scene(MACHINES / "hooke_joint.toml").model_dump(exclude_none=True)
+    whole = symgen.build(symgen.Scene(**tables)).simulate(t_eval=TIMES, rtol=1e-12)
+    tables["points"]["X"] = {"at": ["0 m", "0 m", "0 m"]}
+    tables["points"]["E"] = {"at": tables["points"]["H"]["at"]}
+    tables["links"]["input"]["points"] = ["G", "I", "X", "A"]
+    tables["links"]["output"]["points"] = ["X", "E", "C"]
+    tables["links"]["rail"] = {"points": ["K", "H"]}
+    tables["guides"] = [{"points": ["E"], "along": "rail"}]
+    run = symgen.build(symgen.Scene(**tables)).simulate(t_eval=TIMES, rtol=1e-12)
+    assert not [note for note in run.notes if "redundant" in note]
+    for name in ("output.angular_velocity", "input.torque"):
+        assert run[name].values == pytest.approx(whole[name].values, rel=1e-9, abs=1e-9)
+
+
 def test_three_points_on_two_parallel_lines_are_a_prismatic_joint():
     """The boom at the distance r rotates with the turret: forces by its radial and angular momentum."""
     run = symgen.build(MACHINES / "telescope.toml").simulate(t_eval=TIMES, rtol=1e-12)
