@@ -84,14 +84,15 @@ class Measure:
     no resultant and no moment. ``joins``: it connects the components on which it acts. ``section``: the point
     at whose sections of elastic links a couple acts; "" for rigid links. ``follows``: the link with which its
     force rotates, or with whose section at a place; "" if the force is fixed. ``effort``: the name of its
-    force among outputs, ``force`` [N] or ``torque`` [N m]; "" without an output.
+    force among outputs, ``force`` [N] or ``torque`` [N m]; "" without an output. ``extent``: the name of its
+    value among outputs, ``length`` [m] or ``angle`` [rad], with ``rate``; "" without these.
     """
 
     __slots__ = ()
     integrable = True
     balanced = False
     joins = False
-    effort = ""
+    effort = extent = ""
     section: str = ""
 
     @property
@@ -128,6 +129,15 @@ class Measure:
             if needed.intersection(symbols):
                 known.update(zip(symbols, of(geometry), strict=False))
         return tuple(e.xreplace(known) for e in expressions)
+
+    @property
+    def slack_extent(self) -> sp.Expr:
+        """The extent at which its value is zero."""
+        return ZERO
+
+    def observed(self, geometry: Geometry, expressions: Vector) -> Vector:
+        """Return expressions of ``VALUES`` and ``RATES``, such as a force on fixed axes, for an output."""
+        return self.fixed(geometry, self.put(geometry, expressions))
 
     def energy(self, geometry: Geometry, energy: sp.Expr) -> sp.Expr:
         """Return an energy [J] as a function of positions."""

@@ -60,6 +60,11 @@ class Angle(_OnLinks):
     section: str = ""
     integrable = False
     joins = True
+    effort, extent = "torque", "angle"
+
+    @property
+    def slack_extent(self) -> sp.Expr:
+        return self.free
 
     def value(self, geometry: Geometry) -> Vector:
         return (geometry.angle(self.link, self.against, self.free),)

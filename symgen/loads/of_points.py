@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import sympy as sp
 
 from symgen.loads.measure import (
+    RATE,
     RATES,
     VALUE,
     VALUES,
@@ -100,7 +101,11 @@ class Length(Measure):
     slack: sp.Expr = ZERO
     balanced = True
     joins = True
-    effort = "force"
+    effort, extent = "force", "length"
+
+    @property
+    def slack_extent(self) -> sp.Expr:
+        return self.slack
 
     @property
     def points(self) -> tuple[tuple[str, str], ...]:
@@ -114,6 +119,13 @@ class Length(Measure):
 
     def state(self, geometry: Geometry, word: str) -> sp.Expr:
         return self.rate(geometry)[0] if word == "rate" else self.value(geometry)[0] + self.slack
+
+    def observed(self, geometry: Geometry, expressions: Vector) -> Vector:
+        if any(e.has(RATE) for e in expressions):
+            return self.put(geometry, expressions)
+        line = geometry.line(self.name, self.start, self.end)
+        length = sp.sqrt(dot(line, line))  # by which nothing divides: the points may coincide
+        return tuple(e.xreplace({VALUE: length - self.slack}) for e in expressions)
 
     def energy(self, geometry: Geometry, energy: sp.Expr) -> sp.Expr:
         by_square = self._by_square(energy)
@@ -175,6 +187,7 @@ class Offset(Measure):
     end: str
     frame: str = ""
     joins = True
+    effort = "force"
 
     @property
     def points(self) -> tuple[tuple[str, str], ...]:
@@ -194,12 +207,12 @@ class Offset(Measure):
     def works(self, geometry: Geometry, force: Vector) -> Iterator[Work]:
         yield from components(geometry, self.put(geometry, force), self.value(geometry))
 
+    def fixed(self, geometry: Geometry, force: Vector) -> Vector:
+        axes = zip(*geometry.frame(self.frame), strict=True)
+        return tuple(sp.Add(*(f * c for f, c in zip(force, axis, strict=False))) for axis in axes)
+
     def actions(self, geometry: Geometry, term: LoadTerm) -> Iterator[Action]:
-        force, axes = self.put(geometry, term.total), geometry.frame(self.frame)
-        push = tuple(
-            sp.Add(*(f * c for f, c in zip(force, column, strict=False)))
-            for column in zip(*axes, strict=True)
-        )
+        push = self.fixed(geometry, self.put(geometry, term.total))
         yield PointForce(self.end, push)
         yield PointForce(self.start, tuple(-c for c in push))
         if self.frame:

@@ -195,3 +195,27 @@ def test_results_of_runs_are_computed_when_they_are_read(name, monkeypatch):
     for v in run.variables:
         np.testing.assert_array_equal(v.values, expected[0][v.name], v.name)
     assert called.count("call_many") >= 1
+
+
+def test_powers_of_drives_are_those_of_their_laws_and_add_up():
+    """A motor whose torque falls with its speed, a spring with a damper, and a pump."""
+    moved = [f"{v}{w}" for v in ("theta1", "S1", "S4") for w in (".rate", ".power")]
+    run = symgen.build("cssp", set={"analysis.outputs": ["S1", *moved, "power"]}).simulate(0.5)
+    place, turned, slid, pumped = (run[n].values for n in ("S1", "theta1.rate", "S1.rate", "S4.rate"))
+    top = 10 * np.pi
+    assert run["theta1.power"].values == pytest.approx(12 * (1 - turned / top) * turned, abs=1e-10)
+    assert run["S1.power"].values == pytest.approx(-(4000 * place + 30 * slid) * slid, abs=1e-10)
+    assert run["S4.power"].values == pytest.approx(-40 * pumped**2, abs=1e-10)
+    total = sum(run[f"{v}.power"].values for v in ("theta1", "S1", "S4"))
+    assert total == pytest.approx(run["power"].values, abs=1e-10)
+
+
+def test_the_power_of_the_drives_of_a_driven_loop_is_the_rate_of_its_energy():
+    model = symgen.build("rssr", set={"analysis.outputs": ["theta1.power", "energy"]})
+    step = 1e-4
+    weights = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0, 4 / 5, -1 / 5, 4 / 105, -1 / 280]) / step
+    for middle in (0.01, 0.05, 0.13):
+        run = model.inverse_dynamics(at=middle + step * np.arange(-4, 5), over="time")
+        energy = run["energy"].values
+        scale = np.ptp(energy) / step
+        assert run["theta1.power"].values[4] == pytest.approx(weights @ energy, abs=1e-8 * scale)

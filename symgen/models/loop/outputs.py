@@ -31,6 +31,11 @@ def _drive(model: LoopDerivation, j: int) -> Entries:
     )
 
 
+def _power(model: LoopDerivation, j: int) -> Entries:
+    v = model.variables[j]
+    return [model.joints[1][j] * v.rate.symbol], "W", f"power of the drive at {v.name}"
+
+
 def _force(model: LoopDerivation, joint: int, sign: int, link: str) -> Entries:
     wrench = model.joints[0][joint - 1]
     return [sign * x for x in wrench.real], "N", f"force on {link} at joint {joint}, in frame {{{joint}}}"
@@ -114,6 +119,7 @@ OF_VARIABLES: dict[str, Callable[[LoopDerivation, int], Entries]] = {
     "rate": lambda model, j: _of(model.variables[j].rate),
     "acceleration": lambda model, j: _of(model.variables[j].acceleration),
     "drive": _drive,
+    "power": _power,
 }
 OF_JOINTS: dict[str, Callable[[LoopDerivation, int, int, str], Entries]] = {
     "force": _force,

@@ -7,6 +7,7 @@ form [M J^T; J 0] [a; lambda] = [f; gamma] with the middle particle of each rod 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 
 import sympy as sp
@@ -21,6 +22,33 @@ from symgen.symbolic.calculus import ONE, ZERO, chained, partial
 from symgen.symbolic.constants import vanishes
 from symgen.symbolic.quantity import Entries, Quantity
 from symgen.symbolic.vectors import cross, cross_in_plane, dot
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """A drive: its torque [N m] or force [N] on the linkage, and the rate [rad/s or m/s] that it prescribes.
+
+    ``length`` [m] is prescribed by drives of lengths; None for those that rotate a link, ``about`` an axis.
+    """
+
+    effort: sp.Expr
+    rate: sp.Expr
+    length: sp.Expr | None = None
+    about: str = ""
+
+    def outputs(self, name: str) -> dict[str, Entries]:
+        """Return the outputs of the link with this name by word."""
+        power: Entries = [self.effort * self.rate], "W", f"power of the drive of {name}"
+        if self.length is None:
+            torque: Entries = [self.effort], "N*m", f"torque of the drive on {name}{self.about}"
+            return {"torque": torque, "power": power}
+        return {
+            "force": ([self.effort], "N", f"force of {name}, positive where it pushes its ends apart"),
+            "length": ([self.length], "m", f"driven length of {name}"),
+            "length_rate": ([self.rate], "m/s", f"rate of the driven length of {name}"),
+            "power": power,
+        }
+
 
 REFERENCE = "H. A. Attia, Dynamic Analysis of a Chain of Rigid Rods, sections 2.1 to 2.3"
 
@@ -172,6 +200,26 @@ class RodsModel(ConstrainedPoints):
             velocity = [self.held[s] for s in self.symbols(self.u[point])]
             terms.append(dot(tuple(velocity), self.residual(point)) if any(velocity) else ZERO)
         return sp.Add(*terms)
+
+    @cached_property
+    def drives_of_links(self) -> dict[str, Drive]:
+        """Drives by the name of the link that they rotate, or whose length they prescribe."""
+        drives = {}
+        for of in self.linkage.drivers:
+            hinge = self.hinges.get(of.link)
+            arm = hinge.arm if hinge else self.linkage.link(of.link).length
+            about = " about its axis" if hinge else ", counter-clockwise"
+            torque = -self.multipliers[f"{of.link}_drive"].symbol * arm
+            drives[of.link] = Drive(torque, partial(of.angle, TIME.symbol), about=about)
+        for rod in self.rods:
+            rate = partial(rod.length, TIME.symbol)
+            if rate != 0:
+                drives[rod.name] = Drive(-self.tension(rod), rate, rod.length)
+        return drives
+
+    def tension(self, rod: RigidLink) -> sp.Expr:
+        """Return the force of the length constraint of a rod, tension positive [N]."""
+        return (self.multipliers[rod.name].symbol + self.joint_forces.tension(rod)) * rod.length
 
     @cached_property
     def jacobian(self) -> list[Gradient]:

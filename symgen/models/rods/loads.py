@@ -2,20 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from functools import cached_property
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property, partial
 
 import sympy as sp
 
 from symgen.loads.load import Load
-from symgen.loads.measure import Action, Couple, Gradient, LoadTerm, PointForce, Work
+from symgen.loads.measure import (
+    RATE,
+    VALUE,
+    Action,
+    Couple,
+    Gradient,
+    LoadTerm,
+    Measure,
+    PointForce,
+    Work,
+)
 from symgen.loads.of_points import Length
 from symgen.mechanics.rods import loads
 from symgen.mechanics.rods.particles import Vector
 from symgen.models.rods.points import Points
 from symgen.scene.rods.linkage import SpatialBody, state_of
 from symgen.symbolic.calculus import ONE, ZERO
+from symgen.symbolic.quantity import Entries
 from symgen.symbolic.vectors import cross, cross_in_plane, dot
+
+#: Units of the extents and efforts of measures.
+_UNITS = {"length": "m", "angle": "rad", "force": "N", "torque": "N*m"}
 
 
 class Loads:
@@ -168,6 +182,57 @@ class Loads:
     def others(self) -> list[Work]:
         """Virtual work of the forces without potential."""
         return [w for _, t in self.terms if t.force for w in t.on.works(self, self.with_state(t.force))]
+
+    def power(self, load: Load) -> sp.Expr:
+        """Return the power of a load on the linkage [W]: minus the rate of its energy, and its other work."""
+        terms = [*load.terms(len(self.model.axes))]
+        energies = (t.on.energy(self, t.energy) for t in terms if t.energy != 0 and t.on.integrable)
+        angles = (t for t in terms if t.energy != 0 and not t.on.integrable)
+        works = (w for t in angles for w in t.on.works(self, t.conservative))
+        rates = [-self.calculus.rate(energy) for energy in energies]
+        return sp.Add(*rates, *(force * rate for force, _, rate in works), -self.dissipated(load))
+
+    def dissipated(self, load: Load) -> sp.Expr:
+        """Return the power that a load without potential takes out of the linkage [W]."""
+        terms = (t for t in load.terms(len(self.model.axes)) if t.force)
+        works = (w for t in terms for w in t.on.works(self, self.with_state(t.force)))
+        return sp.Add(*(-force * rate for force, _, rate in works))
+
+    @cached_property
+    def outputs(self) -> dict[str, Callable[[], Entries]]:
+        """Outputs of all loads by name, each to be derived; vectors are on fixed axes."""
+        known: dict[str, Callable[[], Entries]] = {}
+        for table, number, load in self.linkage.placed_loads:
+            terms = [*load.terms(len(self.model.axes))]
+            owner, named = f"{table}.{number}", f"{load.noun} {number}"
+            for on in (t.on for t in terms if t.on.extent):
+                known[f"{owner}.{on.extent}"] = partial(self._extent, on, named)
+                known[f"{owner}.rate"] = partial(self._rate, on, named)
+            known |= {f"{owner}.{t.on.effort}": partial(self._effort, t, named) for t in terms if t.on.effort}
+            known[f"{owner}.power"] = partial(self._power, self.power, load, f"power of {named}")
+            if not load.expressions and any(t.force for t in terms):
+                about = f"power that {named} dissipates"
+                known[f"{owner}.dissipated_power"] = partial(self._power, self.dissipated, load, about)
+        return known
+
+    def _extent(self, on: Measure, named: str) -> Entries:
+        extent = on.observed(self, (VALUE + on.slack_extent,))
+        return extent, _UNITS[on.extent], f"{on.extent} of {named}"
+
+    def _rate(self, on: Measure, named: str) -> Entries:
+        return on.observed(self, (RATE,)), f"{_UNITS[on.extent]}/s", f"rate of the {on.extent} of {named}"
+
+    def _effort(self, term: LoadTerm, named: str) -> Entries:
+        on, shown = term.on, self.model.shown
+        force = on.observed(self, self.with_state(term.total))
+        if len(force) > 1:
+            force = shown(force)
+        elif on.effort == "torque" and not on.extent and self.linkage.plane:
+            force = shown((ZERO, ZERO), force[0])
+        return force, _UNITS[on.effort], f"{on.effort} of {named}"
+
+    def _power(self, of: Callable[[Load], sp.Expr], load: Load, about: str) -> Entries:
+        return [of(load)], "W", about
 
     @cached_property
     def from_outside(self) -> list[tuple[sp.Expr, Gradient]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import sympy as sp
@@ -11,7 +12,8 @@ from symgen.errors import SceneError, nearest
 from symgen.models.rods.matrix import named
 from symgen.scene.rods.linkage import TIME
 from symgen.scene.rods.rotations import GearPair
-from symgen.symbolic.calculus import ZERO, partial
+from symgen.symbolic.calculus import ZERO
+from symgen.symbolic.calculus import partial as derivative
 from symgen.symbolic.quantity import Entries, parted, resolved
 from symgen.symbolic.system import NamedMatrix
 from symgen.symbolic.vectors import cross, cross_in_plane, dot
@@ -37,11 +39,7 @@ def _tension(model: RodsModel, name: str) -> Entries:
         raise SceneError(f"{name} {reason}: its tension is not determined")
     if name in model.implied:
         raise SceneError(f"{name} lies between points of one body: its tension is not determined")
-    return (
-        [(model.multipliers[name].symbol + model.joint_forces.tension(rod)) * rod.length],
-        "N",
-        f"force of the length constraint of {name}, tension positive",
-    )
+    return [model.tension(rod)], "N", f"force of the length constraint of {name}, tension positive"
 
 
 def _sum(model: RodsModel, at_points: Sequence[tuple[str, Vector]]) -> list[sp.Expr]:
@@ -49,9 +47,13 @@ def _sum(model: RodsModel, at_points: Sequence[tuple[str, Vector]]) -> list[sp.E
     return [sp.Add(*c) for c in zip(*(model.shown(v) for _, v in at_points), strict=True)]
 
 
-def _moment(model: RodsModel, at_points: Sequence[tuple[str, Vector]]) -> list[sp.Expr]:
-    """Return the sum of the moments of vectors at points about the origin."""
+def _moment(
+    model: RodsModel, at_points: Sequence[tuple[str, Vector]], about: Vector | None = None
+) -> list[sp.Expr]:
+    """Return the sum of the moments of vectors at points about a place, otherwise the origin."""
     pairs = [(model.shown_position(point), model.shown(v)) for point, v in at_points]
+    if about:
+        pairs = [(tuple(a - b for a, b in zip(r, about, strict=True)), v) for r, v in pairs]
     if len(model.shown_axes) == 2:
         return [sp.Add(*(cross_in_plane(r, v) for r, v in pairs))]
     return [sp.Add(*c) for c in zip(*(cross(r, v) for r, v in pairs), strict=True)]
@@ -98,7 +100,7 @@ def _speed_ratio(model: RodsModel, name: str) -> Entries:
             + ("a linkage in space" if len(model.axes) != 2 else f"{len(drivers)} driven links"),
             hint="Record angular_velocity.",
         )
-    driven = partial(drivers[0].angle, TIME.symbol)
+    driven = derivative(drivers[0].angle, TIME.symbol)
     if driven == 0 or TIME.symbol in driven.free_symbols:
         raise SceneError(
             f"a speed ratio needs a drive at constant speed, got the angle {drivers[0].angle}",
@@ -139,41 +141,39 @@ def _force(model: RodsModel, link: str, point: str) -> Entries:
 
 
 def _torque(model: RodsModel, name: str) -> Entries:
-    multiplier = model.multipliers.get(f"{name}_drive")
-    if multiplier is None:
+    drive = model.drives_of_links.get(name)
+    if drive is None or drive.length is not None:
         raise SceneError(
             f"{name} has no driver, so no drive torque",
             hint=f"Remove {name}.torque from the outputs, as --set analysis.outputs=none does with all; "
             "applied torques are outputs by their number from 0, such as torques.0.torque.",
         )
-    if name in model.hinges:
-        return (
-            [-multiplier.symbol * model.hinges[name].arm],
-            "N*m",
-            f"torque of the drive on {name} about its axis",
+    return drive.outputs(name)["torque"]
+
+
+def _of_drive(model: RodsModel, name: str, word: str) -> Entries:
+    drive = model.drives_of_links.get(name)
+    known = drive.outputs(name) if drive else {}
+    if word not in known:
+        raise SceneError(
+            f"{name} has no {'driver and no ' if word == 'power' else ''}driven length, so no {word}",
+            hint="Those of loads are outputs by their number from 0, such as springs.0.length and "
+            "actuators.0.power; LINK.tension is the force of any rod.",
         )
-    length = model.linkage.link(name).length
-    return [-multiplier.symbol * length], "N*m", f"torque of the drive on {name}, counter-clockwise"
+    return known[word]
 
 
-def _of_loads(model: RodsModel) -> dict[str, Entries]:
-    """Return the outputs of loads whose force or torque is an expression; vectors are on fixed axes.
+def _power_of_ground(model: RodsModel, name: str) -> Entries:
+    _reaction(model, name)
+    velocity = tuple(map(model.in_place, model.velocity(name)))
+    if not any(velocity):
+        raise SceneError(f"{name} has no motion, so its reaction has no power")
+    return [dot(model.reaction(name), velocity)], "W", f"power of the motion of {name}"
 
-    Loads of elastic linkages have none: they follow the deformed links, which these kernels do not know.
-    """
-    entries_of: dict[str, Entries] = {}
-    for table, number, load in model.linkage.placed_loads if not model.linkage.elastic else ():
-        for on, stated in (
-            (t.on, t.force) for t in load.terms(len(model.axes)) if load.expressions and t.on.effort
-        ):
-            force = on.fixed(model.loads, on.put(model.loads, model.loads.with_state(stated)))
-            if on.effort == "torque" and model.linkage.plane:
-                force = model.shown((ZERO, ZERO), force[0])
-            elif len(force) > 1:
-                force = model.shown(force)
-            unit = "N*m" if on.effort == "torque" else "N"
-            entries_of[f"{table}.{number}.{on.effort}"] = force, unit, f"{on.effort} of {load.noun} {number}"
-    return entries_of
+
+def _moment_about(model: RodsModel, name: str) -> Entries:
+    about = f"moment of the linkage on the ground about {name}"
+    return _moment(model, model.on_ground, model.shown_position(name)), "N*m", about
 
 
 def mesh_torque(model: RodsModel, pair: GearPair) -> sp.Expr:
@@ -181,13 +181,14 @@ def mesh_torque(model: RodsModel, pair: GearPair) -> sp.Expr:
     return -model.multipliers[pair.name].symbol * model.linkage.link(pair.links[0]).length
 
 
-def _of_gears(model: RodsModel) -> dict[str, Entries]:
-    """Return the torques of gears; those of elastic linkages are not among the outputs."""
-    pairs = enumerate(model.linkage.gears if not model.linkage.elastic else ())
-    return {
-        f"gears.{i}.torque": ([mesh_torque(model, pair)], "N*m", f"torque of gears {i} on {pair.links[0]}")
-        for i, pair in pairs
-    }
+def _of_gears(model: RodsModel) -> dict[str, Callable[[], Entries]]:
+    """Return the torques of gears, each to be derived."""
+    pairs = enumerate(model.linkage.gears)
+    return {f"gears.{i}.torque": partial(_gear_torque, model, i, pair) for i, pair in pairs}
+
+
+def _gear_torque(model: RodsModel, number: int, pair: GearPair) -> Entries:
+    return [mesh_torque(model, pair)], "N*m", f"torque of gears {number} on {pair.links[0]}"
 
 
 #: Outputs of a point, of a link, of a point of a link, and of the whole linkage, by word.
@@ -200,7 +201,11 @@ OF_POINTS: dict[str, Callable[[RodsModel, str], Entries]] = {
         f"acceleration of {name}",
     ),
     "reaction": _reaction,
+    "power": _power_of_ground,
+    "shaking_moment": _moment_about,
 }
+#: Outputs of points of linkages without elastic links.
+OF_RIGID_POINTS = ("power", "shaking_moment")
 OF_LINKS: dict[str, Callable[[RodsModel, str], Entries]] = {
     "tension": _tension,
     "torque": _torque,
@@ -209,6 +214,8 @@ OF_LINKS: dict[str, Callable[[RodsModel, str], Entries]] = {
     "angular_acceleration": _angular_acceleration,
     "speed_ratio": _speed_ratio,
 }
+#: Outputs of a link that is driven.
+OF_DRIVES = ("power", "force", "length", "length_rate")
 #: Outputs of a corner: a point between two others.
 OF_CORNERS: dict[str, Callable[..., Entries]] = {
     "angle": _angle_at,
@@ -237,6 +244,11 @@ OF_THE_WHOLE: dict[str, Callable[[RodsModel], Entries]] = {
         [model.potential_energy],
         "J",
         "potential of gravity and springs",
+    ),
+    "power": lambda model: (
+        [model.power],
+        "W",
+        "power of the loads without potential, of drives and of the moving ground",
     ),
     "momentum": lambda model: (_sum(model, model.momenta), "kg*m/s", "linear momentum"),
     "angular_momentum": lambda model: (
@@ -272,7 +284,7 @@ OF_ELASTIC_IN_SPACE = (
 #: Outputs that need no masses and no forces.
 KINEMATIC = (
     *("position", "velocity", "acceleration", "angle", "angular_velocity", "angular_acceleration"),
-    *("transmission_angle", "speed_ratio"),
+    *("transmission_angle", "speed_ratio", "length", "length_rate", "rate"),
 )
 #: Outputs of a point of a link.
 OF_JOINTS: dict[str, Callable[[RodsModel, str, str], Entries]] = {"force": _force}
@@ -322,7 +334,9 @@ def _entries(model: RodsModel, name: str) -> Entries:
     if own is not None:
         return own
     owner, _, word = name.rpartition(".")
-    if word in ELSEWHERE:
+    rigid = not model.linkage.elastic  # loads and drives of others follow the deformed links
+    of_loads = {**model.loads.outputs, **_of_gears(model)} if rigid else {}
+    if word in ELSEWHERE and name not in of_loads:
         raise SceneError(f"there is no output {name!r}", hint=ELSEWHERE[word])
     if model.linkage.kinematic and word not in KINEMATIC:
         raise SceneError(
@@ -330,15 +344,16 @@ def _entries(model: RodsModel, name: str) -> Entries:
             hint='For forces and energies write kind = "dynamics" under [analysis].',
         )
     if not owner:
-        if word in OF_THE_WHOLE:
+        if word in OF_THE_WHOLE and (rigid or word != "power"):
             return OF_THE_WHOLE[word](model)
         owners = [f"{p}.{word}" for p in model.points if word in OF_POINTS]
         owners += [f"{k.name}.{word}" for k in model.parts if word in OF_LINKS]
         owners += ["A.B.C." + word] if word in OF_CORNERS else []
         acting = [
             f
-            for f, (entry, *_) in (_of_loads(model) | _of_gears(model)).items()
-            if any(str(s) == word for e in entry for s in e.free_symbols)
+            for f, derived in of_loads.items()
+            if f.endswith((".force", ".torque"))
+            if any(str(s) == word for e in derived()[0] for s in e.free_symbols)
         ]
         words = (
             OF_POINTS if word in model.points else OF_LINKS if word in (k.name for k in model.parts) else ()
@@ -349,23 +364,24 @@ def _entries(model: RodsModel, name: str) -> Entries:
         elif acting:
             hint = f"It acts in {', '.join(acting)}, which can be recorded."
         raise SceneError(f"there is no output {name!r}", hint=hint)
-    if word in OF_POINTS and owner in model.points:
+    if name in of_loads:
+        return of_loads[name]()
+    if word in OF_POINTS and owner in model.points and (rigid or word not in OF_RIGID_POINTS):
         return OF_POINTS[word](model, owner)
     links = {k.name: [*k.base, *(c.name for c in k.carried)] for k in model.parts}
     if word in OF_LINKS and owner in links:
         return OF_LINKS[word](model, owner)
+    if word in OF_DRIVES and owner in links and rigid:
+        return _of_drive(model, owner, word)
     corner = owner.split(".")
     if word in OF_CORNERS and len(set(corner)) == len(corner) == 3 and set(corner) <= set(model.points):
         return OF_CORNERS[word](model, *corner)
     link, _, point = owner.partition(".")
     if word in OF_JOINTS and point in links.get(link, ()):
         return OF_JOINTS[word](model, link, point)
-    of_loads = _of_loads(model) | _of_gears(model)
-    if name in of_loads:
-        return of_loads[name]
     known = [f"{p}.{w}" for p in model.points for w in OF_POINTS]
     known += [f"{k}.{w}" for k in links for w in OF_LINKS]
     loaded = {k: points for k, points in links.items() if k not in model.idle}
     known += [f"{k}.{p}.{w}" for k, points in loaded.items() for p in points for w in OF_JOINTS]
-    known += of_loads
+    known += [*of_loads, *(f"{k}.{w}" for k, d in model.drives_of_links.items() for w in d.outputs(k))]
     raise SceneError(f"there is no output {name!r}", hint=nearest(name, known))
