@@ -196,6 +196,8 @@ class CommandRequest:
     def show(self, verb: str, result: Any) -> None:
         """Print a result as one JSON object, or as tables."""
         if self.as_json:
-            print_json({"scene": self.model.name, **result.summary()})
+            from symgen.report.extremes import with_averages
+
+            print_json({"scene": self.model.name, **with_averages(result)})
         else:
             load(method_of(self.model).commands[verb].table)(result, self.model, console())

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from symgen.report.extremes import FEW, Components, texts, times
+from symgen.report.extremes import FEW, Components, averages_of, means, texts, times
 from symgen.report.tables import MODES, table
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.result.equilibrium import Equilibrium, Modes
@@ -28,7 +28,8 @@ def print_motion(motion: Motion, _: Any, console: Console) -> None:
         console.print(outputs.values(f"{motion.title}: outputs over {label}", heads, first=times(motion)))
     else:
         span = f"{along.min():g} {unit} to {along.max():g} {unit}"
-        console.print(outputs.extremes(f"{motion.title}: {motion.count} poses, {span}", along, unit))
+        title, by_name = f"{motion.title}: {motion.count} poses, {span}", means(motion, averages_of(motion))
+        console.print(outputs.extremes(title, along, unit, means=by_name))
     for pose in motion.singular_poses:
         console.print(pose.describe(motion.units))
     for low_end, high_end in motion.unassemblable:

@@ -1,21 +1,26 @@
-"""Minimum and maximum of recorded outputs, and where they occur."""
+"""Minimum and maximum of recorded outputs, and where they occur; their means over time, and work."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Group
+from rich.console import Console, Group
 
+from symgen.errors import ResultError
 from symgen.report.tables import table
-from symgen.runtime.result.records import Variable, columns
+from symgen.runtime.model.averages import Average, averages
+from symgen.runtime.result.records import Variable, columns, plain
 from symgen.runtime.result.result import Result
 
 Array = NDArray[np.float64]
 
 #: Maximum number of poses of a linkage for which every value is printed; otherwise the extremes.
 FEW = 12
+#: Steps of a run that is not repeated for means.
+_LONG = 200_000
 #: Values below this fraction of the largest value of their unit are round-off.
 _ROUND_OFF = 1e-12
 #: Angles are compared with one radian, even if all angles in a table are small.
@@ -43,8 +48,9 @@ class Components:
         for _, unit, values in rows:
             size = np.abs(values[np.isfinite(values)])
             largest[unit] = max(largest.get(unit, 0.0), float(size.max(initial=0.0)))
+        self._least = {unit: _ROUND_OFF * size for unit, size in largest.items()}
         self.rows = [
-            (name, unit, np.where(np.abs(values) <= _ROUND_OFF * largest[unit], 0.0, values))
+            (name, unit, np.where(np.abs(values) <= self._least[unit], 0.0, values))
             for name, unit, values in rows
         ]
 
@@ -59,6 +65,7 @@ class Components:
         unit: str,
         *,
         end: bool = False,
+        means: Mapping[str, tuple[float, float]] | None = None,
         mark: Callable[[str, int], str] = lambda name, index: "",
     ) -> Group:
         """Return a table with the minimum and maximum of each component and where they occur.
@@ -73,6 +80,8 @@ class Components:
             Unit of the coordinate.
         end
             Whether to add a column with the last value.
+        means
+            Mean and root mean square of each component, which become columns.
         mark
             Function that returns the suffix of a component's value at an index.
         """
@@ -81,6 +90,7 @@ class Components:
             "unit",
             *(["at the end"] if end else []),
             *("least", f"at [{unit}]", "greatest", f"at [{unit}]"),
+            *(["mean", "RMS"] if means else []),
         )
         rows = []
         for name, of, values in self.rows:
@@ -92,8 +102,10 @@ class Components:
                 for k in (low, high)
                 for cell in (self.text(values[k]) + mark(name, k), f"{along[k]:.6g}")
             ]
-            rows.append((name, of, *([self.text(values[-1])] if end else []), *ends))
-        return table(title, head, rows, keys=2)
+            small = self._least[of]
+            averaged = [self.text(0.0 if abs(x) <= small else x) for x in means[name]] if means else []
+            rows.append((name, of, *([self.text(values[-1])] if end else []), *ends, *averaged))
+        return table(title, head, rows, keys=2, apart=2 if means else 0)
 
     def values(
         self,
@@ -107,6 +119,43 @@ class Components:
             (n, u, *(self.text(x) + mark(n, k) for k, x in enumerate(values))) for n, u, values in self.rows
         ]
         return table(title, ("output", "unit", *heads), [*first, *rows], keys=2)
+
+
+def averages_of(result: Result, *, magnitudes: bool = False) -> dict[str, Average]:
+    """Return the averages over time by component, or of the magnitudes of vectors; empty without any."""
+    if result.statistics.get("steps", 0) > _LONG:
+        return {}
+    try:
+        return averages(result, magnitudes=magnitudes)
+    except ResultError:
+        return {}
+
+
+def means(result: Result, of: Mapping[str, Average]) -> dict[str, tuple[float, float]]:
+    """Return mean and root mean square by component, in the units of tables."""
+    names = {name: v for v in result.variables for name in (v.name, *v.names)}
+    sizes = {name: result.units.get(names[name].unit, ("", 1.0))[1] for name in of}
+    return {name: (x.mean / sizes[name], x.rms / sizes[name]) for name, x in of.items()}
+
+
+def print_work(result: Result, of: Mapping[str, Average], console: Console) -> None:
+    """Print the work of powers, if there are any."""
+    unit, size = result.units.get("J", ("J", 1.0))
+    works = [(n, x.work, x.positive_work, x.negative_work) for n, x in of.items() if x.work is not None]
+    if works:
+        rows = [(name, *(x / size for x in each if x is not None)) for name, *each in works]
+        head = ("power", f"work [{unit}]", f"positive [{unit}]", f"negative [{unit}]")
+        console.print(table("Work", head, rows))
+
+
+def with_averages(result: Any) -> dict[str, Any]:
+    """Return the summary of a result; that of outputs has means over time, and work, if there are any."""
+    summary: dict[str, Any] = result.summary()
+    for name, of in averages_of(result).items() if isinstance(result, Result) else ():
+        works = {"work": of.work, "positive_work": of.positive_work, "negative_work": of.negative_work}
+        known = {word: x for word, x in works.items() if x is not None}
+        summary["outputs"][name] |= plain({"mean": of.mean, "rms": of.rms, **known})
+    return summary
 
 
 def times(result: Result) -> list[tuple[str, ...]]:

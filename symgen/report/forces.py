@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from symgen.report.extremes import FEW, Components, times
+from symgen.report.extremes import FEW, Components, averages_of, means, print_work, times
 from symgen.report.tables import print_notes, table
 from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.records import columns
@@ -28,7 +28,10 @@ def print_forces(forces: Forces, _: Any, console: Console) -> None:
         ]
         name, unit = label.removesuffix("]").split(" [")
         title = f"{forces.title}: {len(along)} poses over {name}, vectors by their magnitude"
-        console.print(Components(sizes, len(along)).extremes(title, along, unit))
+        averages = averages_of(forces, magnitudes=True)
+        by_name = means(forces, averages)
+        console.print(Components(sizes, len(along)).extremes(title, along, unit, means=by_name))
+        print_work(forces, averages, console)
     print_notes(forces.notes, console)
     console.print(
         f"{forces.headline} at {forces.statistics['worst_at']}; balance met within "

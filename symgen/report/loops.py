@@ -9,7 +9,8 @@ import numpy as np
 from rich.console import Console
 
 from symgen.report.analyses import print_modes_of_assembly
-from symgen.report.extremes import Components
+from symgen.report.extremes import Components, averages_of, means, print_work
+from symgen.report.motion import print_recorded
 from symgen.report.tables import print_notes, run_table, table
 from symgen.runtime.result.result import Result, Variable
 from symgen.runtime.result.state import AssemblyModes
@@ -36,7 +37,9 @@ def print_turn(turn: Turn, _: Any, console: Console) -> None:
     else:
         span = f"{name} = {values[0]:.6g} to {values[-1]:.6g} {unit}"
         title = f"{turn.title}: {len(values)} poses, {span}"
-        console.print(outputs.extremes(title, values, unit, mark=mark))
+        averages = averages_of(turn)
+        console.print(outputs.extremes(title, values, unit, means=means(turn, averages), mark=mark))
+        print_work(turn, averages, console)
     rows = (
         ("closure error", f"{turn.closure:.1e} (radians; lengths over the size of the loop)"),
         ("singular values of screws", f"smallest {turn.statistics['least_singular']:.2g} of the largest"),
@@ -58,8 +61,7 @@ def print_motion_of_loop(result: Result, _: Any, console: Console) -> None:
         table(f"{result.title}: at t = {t:g} s", ("variable", "unit", "value", "rate [unit/s]"), rows)
     )
     if result.variables:
-        outputs = Components(result.shown, result.count)
-        console.print(outputs.extremes("Recorded outputs", result.time, "s", end=True))
+        print_recorded(result, console)
     console.print(run_table(result))
     print_notes(result.notes, console)
 

@@ -7,9 +7,17 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from symgen.report.extremes import Components, texts
+from symgen.report.extremes import Components, averages_of, means, print_work, texts
 from symgen.report.tables import events_table, print_notes, run_table, table
 from symgen.runtime.result.result import Result
+
+
+def print_recorded(result: Result, console: Console) -> None:
+    """Print the range of every output of a run, its means over time, and the work of powers."""
+    averages = averages_of(result)
+    recorded, by_name = Components(result.shown, result.count), means(result, averages)
+    console.print(recorded.extremes("Recorded outputs", result.time, "s", end=True, means=by_name))
+    print_work(result, averages, console)
 
 
 def print_result(result: Result, model: Any, console: Console) -> None:
@@ -37,8 +45,7 @@ def print_result(result: Result, model: Any, console: Console) -> None:
     else:
         console.print(title)
     if result.variables:
-        recorded = Components(result.shown, result.count)
-        console.print(recorded.extremes("Recorded outputs", result.time, "s", end=True))
+        print_recorded(result, console)
     console.print(run_table(result))
     if result.events:
         console.print(events_table(result))

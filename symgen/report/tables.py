@@ -26,15 +26,17 @@ def table(
     rows: Iterable[Sequence[Any]],
     texts: Collection[int] = (0,),
     keys: int = 1,
+    apart: int = 0,
 ) -> Group:
     """Return a table of plain text; columns of numbers are right-aligned, those numbered in ``texts`` left.
 
     A table that is wider than the terminal becomes several, one below the other. Each repeats the first
-    ``keys`` columns. Text and headings are wrapped between words; numbers are never broken. The title is a
-    line of its own: a title of the table would be broken at the width of its columns.
+    ``keys`` columns; the last ``apart`` columns are then one of them. Text and headings are wrapped between
+    words; numbers are never broken. The title is a line of its own: a title of the table would be broken at
+    the width of its columns.
     """
     cells = [tuple(map(cell_text, row)) for row in rows]
-    fitted = _Fitted(tuple(columns), cells, frozenset(texts), keys)
+    fitted = _Fitted(tuple(columns), cells, frozenset(texts), keys, apart)
     return Group(Text(title, style="table.title"), fitted) if title else Group(fitted)
 
 
@@ -42,9 +44,14 @@ class _Fitted:
     """A table as one or several blocks of columns, whichever fits the width of the terminal."""
 
     def __init__(
-        self, columns: tuple[str, ...], rows: Sequence[tuple[str, ...]], texts: frozenset[int], keys: int
+        self,
+        columns: tuple[str, ...],
+        rows: Sequence[tuple[str, ...]],
+        texts: frozenset[int],
+        keys: int,
+        apart: int,
     ) -> None:
-        self._columns, self._rows, self._texts, self._keys = columns, rows, texts, keys
+        self._columns, self._rows, self._texts, self._keys, self._apart = columns, rows, texts, keys, apart
         by_column = [[row[i] for row in rows] for i in range(len(columns))]
         self._widths = [max(map(cell_len, (head, *of))) for head, of in zip(columns, by_column, strict=True)]
         self._least = [self._narrowest(i, of) for i, of in enumerate(by_column)]
@@ -87,11 +94,18 @@ class _Fitted:
 
     def _blocks(self, width: int) -> list[list[int]]:
         """Return the columns of the fewest blocks that fit a width, of about as many columns each."""
-        keys, count = [*range(self._keys)], len(self._columns) - self._keys
+        keys, count = [*range(self._keys)], len(self._columns)
+        if self._apart and self._total(range(count), self._least) > width:
+            parts = [range(self._keys, count - self._apart), range(count - self._apart, count)]
+        else:
+            parts = [range(self._keys, count)]
+        return [block for part in parts for block in self._divided(keys, part, width)]
+
+    def _divided(self, keys: list[int], part: range, width: int) -> list[list[int]]:
         blocks: list[list[int]] = []
-        for number in range(1, max(count, 1) + 1):
-            ends = [self._keys - (-i * count // number) for i in range(number + 1)]
-            blocks = [[*keys, *range(a, b)] for a, b in pairwise(ends)]
+        for number in range(1, max(len(part), 1) + 1):
+            ends = [-(-i * len(part) // number) for i in range(number + 1)]
+            blocks = [[*keys, *part[a:b]] for a, b in pairwise(ends)]
             if all(self._total(block, self._least) <= width for block in blocks):
                 break
         return blocks

@@ -281,3 +281,21 @@ def test_the_shaking_moment_about_a_point_is_the_rate_of_moments_of_momentum(kin
 def test_what_has_no_such_output_is_named(name, text):
     with pytest.raises(SceneError, match=text):
         symgen.build(symgen.Scene(**PLANE, analysis={"outputs": [name]}))
+
+
+def test_they_have_derivatives_and_run_in_lanes():
+    """Derivatives against central differences of runs; many runs against single ones."""
+    words = [*("springs.0.power", "springs.0.dissipated_power", "springs.0.force", "cylinder.power", "power")]
+    words += ["actuators.0.power", "bushings.0.torque", "O.shaking_moment"]
+    tables = {**PLANE, "parameters": {**PLANE["parameters"], "k": {"value": "400 N/m", "tunable": True}}}
+    tables["springs"] = [{**PLANE["springs"][0], "stiffness": "k"}, PLANE["springs"][1]]
+    model = symgen.build(symgen.Scene(**tables, analysis={"t_end": "0.2 s", "outputs": words}))
+    values = [399.9, 400.0, 400.1]
+    runs = [model.with_parameters(k=k).simulate(rtol=1e-12, samples=2) for k in values]
+    slopes = runs[1].gradient(words, ["k"], coordinates=["arm.angle"])
+    many = model.simulate_many({"k": values}, samples=2, rtol=1e-12)
+    for word in words:
+        before, at, after = (run[word].values[-1] for run in runs)
+        found = np.asarray(slopes[word, "k"]).item()
+        assert found == pytest.approx((after - before) / 0.2, rel=1e-4, abs=1e-9)
+        assert many[word].values[:, -1] == pytest.approx([before, at, after], rel=1e-8)

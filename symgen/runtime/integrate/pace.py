@@ -1,4 +1,4 @@
-"""The pace of a run: its estimated remaining wall time, and the wall time that it may take."""
+"""The pace of a run: its remaining wall time, the wall time that it may take, and the ends of its steps."""
 
 from __future__ import annotations
 
@@ -113,6 +113,21 @@ def check_wall(doing: str) -> None:
             f"the run was ended after max_wall = {limit.seconds:g} s of wall time, before its first step, "
             f"{doing}\n  Raise max_wall."
         )
+
+
+#: Ends of steps [s] of the runs of :func:`noted_ends`.
+ENDS: ContextVar[list[float] | None] = ContextVar("ends of steps", default=None)
+
+
+@contextmanager
+def noted_ends() -> Iterator[list[float]]:
+    """Note the ends of the steps [s] of the last run inside."""
+    ends: list[float] = []
+    token = ENDS.set(ends)
+    try:
+        yield ends
+    finally:
+        ENDS.reset(token)
 
 
 class Pace:

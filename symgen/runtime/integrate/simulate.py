@@ -16,7 +16,7 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.checkpoint import CheckpointOptions, Checkpoints, RunCheckpoints, mark_of
 from symgen.runtime.integrate.failures import problem
 from symgen.runtime.integrate.options import Options, recorded_at
-from symgen.runtime.integrate.pace import OUT_OF_TIME, Pace, Progress
+from symgen.runtime.integrate.pace import ENDS, OUT_OF_TIME, Pace, Progress
 from symgen.runtime.integrate.redundancy import slack
 from symgen.runtime.kernels.description import EventInfo
 from symgen.runtime.kernels.evaluate import Evaluator
@@ -199,7 +199,9 @@ def _driven(
 ) -> int:
     """Return the last status of a run by :func:`drive`."""
     status = _core.MORE if stepper.steps or stepper.recorded else stepper.begin()
-    judged = stepper.steps, stepper.t
+    judged, ends = (stepper.steps, stepper.t), ENDS.get()
+    if ends:
+        ends.clear()
     while status == _core.MORE:
         if stepper.steps >= chosen.max_steps:
             break
@@ -208,7 +210,10 @@ def _driven(
             if chosen.rtol and advance * (chosen.max_steps - stepper.steps) < chosen.t_end - stepper.t:
                 break
             judged = stepper.steps, stepper.t
-        status = stepper.advance(min(pace.chunk(), chosen.max_steps - stepper.steps))
+        chunk = pace.chunk() if ends is None else 1
+        status = stepper.advance(min(chunk, chosen.max_steps - stepper.steps))
+        if ends is not None:
+            ends.append(stepper.t)
         over = status == _core.MORE and pace.spent(stepper.t, partial(_short, stepper))
         if checkpoints and status == _core.MORE:
             checkpoints.look(stepper, last=over)

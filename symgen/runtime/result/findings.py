@@ -18,6 +18,7 @@ from symgen.runtime.result.records import Coordinate, LocatedEvent, Variable
 
 if TYPE_CHECKING:
     from symgen.runtime.linearisation.record import Sensitivity
+    from symgen.runtime.model.averages import Average
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +91,28 @@ class Findings:
             for v in self.variables
             if v.values.ndim == 1 and not v.name.endswith(".greatest_stress_at")
         }
+
+    def averages(self, rtol: float = 1e-8) -> dict[str, Average]:
+        """Return mean, root mean square and, of powers, work over time, by component of the outputs.
+
+        The means are over the time from the first sample to the last. The number of samples has no effect on
+        them: the analysis is repeated two or more times at the nodes of a quadrature.
+
+        Parameters
+        ----------
+        rtol
+            Error, over the mean magnitude of the output.
+
+        Raises
+        ------
+        ResultError
+            For results of elastic links, of single poses, or that were loaded or copied.
+        """
+        from symgen.runtime.model.averages import averages
+
+        if not 1e-12 <= rtol < 1:
+            raise ResultError(f"expected rtol between 1e-12 and 1, got {rtol:g}")
+        return averages(self, rtol)
 
     @property
     def singular_poses(self) -> tuple[SingularPose, ...]:

@@ -1,0 +1,193 @@
+"""Means, root mean squares and work of outputs over time, by quadrature within a tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from symgen.errors import ResultError, SimulationError
+from symgen.runtime.arrays import Array
+from symgen.runtime.integrate.pace import noted_ends
+from symgen.runtime.model.verbs import accepted
+from symgen.runtime.result.records import Variable, columns
+
+Names = NDArray[np.str_]
+#: Relative error of means and root mean squares, of the mean magnitude of the output.
+RTOL = 1e-8
+#: Positive nodes of the Gauss-Kronrod rule of 7 and 15 points, and the weights of both (QUADPACK, QK15).
+_NODES = (
+    *(0.991455371120812639206854697526329, 0.949107912342758524526189684047851),
+    *(0.864864423359769072789712788640926, 0.741531185599394439863864773280788),
+    *(0.586087235467691130294144691258410, 0.405845151377397166906606412076961),
+    0.207784955007898467600689403773245,
+)
+_KRONROD = (
+    *(0.022935322010529224963732008058970, 0.063092092629978553290700663189204),
+    *(0.104790010322250183839876322541518, 0.140653259715525918745189590510238),
+    *(0.169004726639267902826583426598550, 0.190350578064785409913256402421014),
+    *(0.204432940075298892414161999234649, 0.209482141084727828012999174891714),
+)
+_GAUSS = (
+    *(0.0, 0.129484966168869693270611432679082, 0.0, 0.279705391489276667901467771423780),
+    *(0.0, 0.381830050505118944950369775488975, 0.0, 0.417959183673469387755102040816327),
+)
+NODES = np.array([*(-x for x in _NODES), 0.0, *reversed(_NODES)])
+KRONROD, GAUSS = (np.array([*of, *reversed(of[:-1])]) for of in (_KRONROD, _GAUSS))
+#: Panels of a prescribed motion at first, most panels of a pass, parts of a divided panel, and most passes.
+_PANELS, _MOST_PANELS, _PARTS, _PASSES = 64, 4_000, 8, 12
+#: Part of the largest output of the same unit below which errors are those of this part.
+_FAINT = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Average:
+    """Mean and root mean square of an output over the time of a motion, in its unit in SI.
+
+    Of a power, ``positive_work`` and ``negative_work`` are the integrals [J] over the times at which it is
+    positive and negative, and ``work`` is their sum; None for other outputs. nan where the integral does not
+    converge, as over a pole.
+    """
+
+    mean: float
+    rms: float
+    positive_work: float | None = None
+    negative_work: float | None = None
+
+    @property
+    def work(self) -> float | None:
+        """Integral of a power [J]."""
+        if self.positive_work is None or self.negative_work is None:
+            return None
+        return self.positive_work + self.negative_work
+
+
+def averages(result: Any, rtol: float = RTOL, *, magnitudes: bool = False) -> dict[str, Average]:
+    """Return the averages of a result by component, or of the ``magnitudes`` of vectors.
+
+    They are over the time from the first sample to the last. Their samples are those of a quadrature, for
+    which the analysis is repeated: the panels end where steps end, and are divided until the error is within
+    ``rtol`` of the mean magnitude.
+
+    Raises
+    ------
+    ResultError
+        For results that cannot be repeated at other times, or have no duration.
+    """
+    repeat, names = _repeated(result), [v.name for v in result.variables]
+    if result.count < 2 or not np.ptp(result.time):
+        raise ResultError("means need a range of time, got one sample")
+
+    def components(of: Any) -> Sequence[Variable]:
+        variables = [of.variable(name) for name in names]
+        if magnitudes:
+            sizes = (np.linalg.norm(v.values, axis=-1) if v.components else v.values for v in variables)
+            variables = [replace(v, components=(), values=x) for v, x in zip(variables, sizes, strict=True)]
+        return columns(variables)
+
+    known = components(result)
+    powers = np.array([[v.unit == "W"] for v in known])
+
+    def integrands(times: Array) -> Array:
+        y = np.array([v.values for v in components(repeat(times))]).reshape(len(known), -1)
+        return np.stack([y, y**2, np.where(powers, np.maximum(y, 0.0), 0.0), np.abs(y)], axis=1)
+
+    first, last = float(np.min(result.time)), float(np.max(result.time))
+    ends, duration = _panels(result, first, last), last - first
+    exchanged = result.drift.measured.get("energy_exchanged", 0.0)
+    scales = np.array([{"J": exchanged * duration, "W": exchanged}.get(v.unit, 0.0) for v in known])
+    sums = integrals(integrands, ends, rtol, np.array([v.unit for v in known]), scales)
+    by_name = {}
+    for v, (whole, square, positive, _) in zip(known, sums.tolist(), strict=True):
+        work = (positive, whole - positive) if v.unit == "W" else ()
+        by_name[v.name] = Average(whole / duration, float(np.sqrt(square / duration)), *work)
+    return by_name
+
+
+def _repeated(result: Any) -> Callable[[Array], Any]:
+    """Return the function that repeats an analysis at other times [s]."""
+    origin: tuple[Any, str, dict[str, Any]] = result.origin or (None, "", {})
+    model, verb, arguments = origin
+    if model is not None and result.KIND != "elastic":
+        known = accepted(model, verb)
+        if verb == "simulate" and "t_eval" in known:
+            return result.at
+        among = {"at", "over"} <= known and arguments.get("at") is None and not arguments.get("through")
+        if verb in ("kinematics", "inverse_dynamics") and among:
+            range_of = ("start", "stop", "samples", "at", "over")
+            same = {k: v for k, v in arguments.items() if k not in range_of}
+            return lambda times: getattr(model, verb)(**same, at=times, over="time")
+    raise ResultError(
+        "only runs of rigid mechanisms, kinematics and inverse dynamics over a range, all of this process, "
+        "have means over time"
+    )
+
+
+def _panels(result: Any, first: float, last: float) -> Array:
+    """Return the ends of the first panels: those of the steps of a run, several together if they are many."""
+    model, verb, arguments = result.origin or (None, "", {})
+    if model is None or verb != "simulate":
+        return np.linspace(first, last, _PANELS + 1)
+    same = {name: x for name, x in arguments.items() if name not in ("samples", "t_eval")}
+    with noted_ends() as ends:
+        model.simulate(**same, t_eval=[last])
+    inside = np.unique([t for t in ends if first < t < last])
+    return np.array([first, *inside[:: max(1, -(-len(inside) // _MOST_PANELS))], last])
+
+
+def integrals(
+    integrands: Callable[[Array], Array], ends: Array, rtol: float, units: Names, scales: Array
+) -> Array:
+    """Return the integrals (outputs, 4) of functions of the time, (outputs, 4, times), over panels.
+
+    The four are a value, its square, its positive part and its magnitude. Integrals that do not converge
+    are nan. Integrals far below others of their unit, or below ``scales`` (outputs,), are round-off.
+    """
+    panels, left = np.stack([ends[:-1], ends[1:]], axis=1), np.zeros((0, 2))
+    alike = units[:, None] == units
+    kept: list[Array] = []
+    before, passes = np.array(np.inf), 0
+    while True:
+        sums, errors = _rules(integrands, panels)
+        if kept:
+            sums, errors = (np.concatenate(pair) for pair in zip(kept, (sums, errors), strict=True))
+        panels = np.concatenate([left, panels])
+        whole, error = np.sum(sums, axis=0), np.sum(errors, axis=0)
+        largest = np.where(alike[:, :, None] & np.isfinite(whole), whole, 0.0).max(axis=1, initial=0.0)
+        size = np.maximum(whole[:, 3], _FAINT * np.maximum(largest[:, 3], scales))
+        faint = np.maximum(largest[:, 1], scales**2 / (ends[-1] - ends[0]))
+        square = np.maximum(whole[:, 1], _FAINT**2 * faint)
+        allowed = rtol * np.stack([size, square, size, np.full_like(size, np.inf)], axis=1)
+        large = (errors > allowed / (2 * len(panels))) & (error > allowed)
+        # The error of a kink or a jump is that of one panel, and falls in the end. Round-off is in all.
+        large &= (error < before / 2) | (_PARTS * np.sum(large, axis=0) < len(panels))
+        divided = np.any(large, axis=(1, 2))
+        passes += 1
+        if not 0 < _PARTS * np.count_nonzero(divided) < _MOST_PANELS or passes == _PASSES:
+            return np.where(error <= allowed, whole, np.nan)
+        before, kept, left = error, [sums[~divided], errors[~divided]], panels[~divided]
+        edges = np.linspace(panels[divided, 0], panels[divided, 1], _PARTS + 1, axis=1)
+        panels = np.stack([edges[:, :-1], edges[:, 1:]], axis=2).reshape(-1, 2)
+
+
+def _rules(integrands: Callable[[Array], Array], panels: Array) -> tuple[Array, Array]:
+    """Return the integrals over panels (panels, outputs, 4) and their errors, as QUADPACK estimates them."""
+    half, middle = (panels[:, 1] - panels[:, 0]) / 2, (panels[:, 1] + panels[:, 0]) / 2
+    order = np.argsort(middle)
+    times = middle[order, None] + half[order, None] * NODES
+    try:
+        found = integrands(times.ravel())
+    except SimulationError as error:
+        raise ResultError(f"the motion has no mean over time: {error}") from error
+    values = np.empty((len(panels), *found.shape[:2], len(NODES)))
+    values[order] = np.moveaxis(found.reshape(*found.shape[:2], len(panels), len(NODES)), 2, 0)
+    half = half[:, None, None]
+    whole = half * (values @ KRONROD)
+    apart = np.abs(whole - half * (values @ GAUSS))
+    spread = half * (np.abs(values - (whole / (2 * half))[..., None]) @ KRONROD)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(spread > 0, np.minimum(1.0, (200 * apart / spread) ** 1.5), 0.0)
+    return whole, spread * ratio

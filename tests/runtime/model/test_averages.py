@@ -1,0 +1,178 @@
+"""Means, root mean squares and work of outputs over time, against closed forms and the balance of energy."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import symgen
+from symgen.cli import app
+from symgen.errors import ResultError
+from symgen.runtime.model import averages as quadrature
+
+G, MASS, ARM, SPEED = 9.81, 2.0, 0.5, 3.0
+
+
+def arm(angle, gravity=0.0, outputs=("arm.torque", "arm.power", "B.position")):
+    """A rod of 0.5 m without inertia about its hinge but a mass of 2 kg at its end."""
+    return symgen.Scene(
+        parameters={"w": f"{SPEED} rad/s", "d": "4 s"},
+        points={"O": {"at": ["0 m", "0 m"], "ground": True}, "B": {"at": ["0.5 m", "0 m"]}},
+        links={"arm": {"points": ["O", "B"], "mass": "0 kg"}},
+        masses=[{"point": "B", "mass": f"{MASS} kg"}],
+        drivers=[{"link": "arm", "angle": angle}],
+        gravity={"acceleration": ["0 m/s^2", f"{-gravity} m/s^2"]},
+        analysis={"t_end": "1 s", "outputs": list(outputs)},
+    )
+
+
+def test_the_rule_is_exact_for_polynomials():
+    for degree in range(23):
+        exact = 2 / (degree + 1) if degree % 2 == 0 else 0.0
+        assert quadrature.NODES**degree @ quadrature.KRONROD == pytest.approx(exact, abs=1e-15)
+        if degree < 14:
+            assert quadrature.NODES**degree @ quadrature.GAUSS == pytest.approx(exact, abs=1e-15)
+
+
+@pytest.fixture(scope="module")
+def swinging():
+    return symgen.build(arm("0.4*sin(w*t)"))
+
+
+@pytest.mark.parametrize("verb", ["simulate", "inverse_dynamics"])
+@pytest.mark.parametrize("samples", [3, 50])
+def test_a_harmonic_drive(swinging, verb, samples):
+    """Torque -J a w^2 sin(w t) and power -J a^2 w^3 sin(2 w t)/2; over each half of a period of the power J a^2 w^2/2."""
+    period = 2 * np.pi / SPEED
+    span = {"simulate": (2 * period,), "inverse_dynamics": (0.0, 2 * period)}[verb]
+    found = getattr(swinging, verb)(*span, samples=samples).averages()
+    inertia = MASS * ARM**2
+    torque, power = found["arm.torque"], found["arm.power"]
+    assert torque.mean == pytest.approx(0.0, abs=1e-9)
+    assert torque.rms == pytest.approx(inertia * 0.4 * SPEED**2 / math.sqrt(2), rel=1e-8)
+    assert power.rms == pytest.approx(inertia * 0.4**2 * SPEED**3 / math.sqrt(8), rel=1e-8)
+    assert power.positive_work == pytest.approx(2 * inertia * (0.4 * SPEED) ** 2, rel=1e-8)
+    assert power.negative_work == pytest.approx(-power.positive_work, rel=1e-8)
+    assert power.work == pytest.approx(0.0, abs=1e-8) and torque.work is None
+
+
+def test_over_a_range_of_the_input_the_means_are_over_time():
+    """At w = s + s t/2 a direction is held for a time in inverse proportion to its rate."""
+    model = symgen.build(arm("w*t + w*t**2/d", G, ["arm.power", "arm.angular_velocity"]))
+    run = model.inverse_dynamics(0.0, 3.0, over="input", samples=13)
+    end = run.time[-1]
+    assert SPEED * end + SPEED * end**2 / 4 == pytest.approx(3.0)
+    assert run.averages()["arm.angular_velocity"].mean == pytest.approx(3.0 / end, rel=1e-9)
+
+
+def test_lifting_a_weight_by_a_crank_at_constant_speed():
+    """Torque m g l cos(angle): it puts in 2 m g l and takes out as much in every revolution."""
+    run = symgen.build(arm("w*t", G)).inverse_dynamics(0.0, 2 * np.pi / SPEED, samples=5)
+    found = run.averages()
+    assert found["arm.torque"].rms == pytest.approx(MASS * G * ARM / math.sqrt(2), rel=1e-9)
+    assert found["arm.power"].positive_work == pytest.approx(2 * MASS * G * ARM, rel=1e-8)
+    assert found["B.position.x"].mean == pytest.approx(0.0, abs=1e-10)
+
+
+PULSE = {
+    "parameters": {"F": "12 N", "a": "0.3 s", "b": "0.301 s"},
+    "points": {
+        "O": {"at": ["0 m", "0 m"], "ground": True},
+        "E": {"at": ["9 m", "0 m"], "ground": True},
+        "A": {"at": ["0 m", "0 m"]},
+        "B": {"at": ["1 m", "0 m"]},
+    },
+    "links": {"rail": {"points": ["O", "E"]}, "AB": {"points": ["A", "B"], "mass": "3 kg"}},
+    "guides": [{"points": ["A", "B"], "along": "rail"}],
+    "forces": [{"point": "A", "force": ["F*(sign(t - a) - sign(t - b))/2", "0 N"]}],
+}
+
+
+@pytest.mark.parametrize("method", ["dop853", "rk4"])
+def test_a_pulse_of_a_thousandth_of_the_run(method):
+    """The force is on a slider at rest: steps end on its jumps, and so do the panels."""
+    words = ["forces.0.force", "forces.0.power", "energy", "power"]
+    model = symgen.build(symgen.Scene(**PULSE, analysis={"t_end": "1 s", "outputs": words}))
+    options = {"step": 0.01} if method == "rk4" else {}
+    run = model.simulate(1.0, method=method, samples=2, **options)
+    found = run.averages()
+    assert found["forces.0.force.x"].mean == pytest.approx(12 * 1e-3, rel=1e-8)
+    assert found["forces.0.force.x"].rms == pytest.approx(12 * math.sqrt(1e-3), rel=1e-8)
+    energy = 3 * (12 * 1e-3 / 3) ** 2 / 2
+    assert found["forces.0.power"].positive_work == pytest.approx(energy, rel=1e-8)
+    assert found["energy"].mean == pytest.approx(energy * 0.699 + energy * 1e-3 / 3, rel=1e-8)
+
+
+def test_the_work_of_all_powers_is_the_change_of_the_energy():
+    words = ["energy", "power", "theta1.power"]
+    run = symgen.build("cssp", set={"analysis.outputs": words}).simulate(0.7, samples=4)
+    energy = run["energy"].values
+    assert run.averages()["power"].work == pytest.approx(energy[-1] - energy[0], rel=1e-8)
+
+
+def test_the_positive_work_of_the_drive_of_a_loop_is_the_sum_of_the_rises_of_its_energy():
+    model = symgen.build("rssr", set={"analysis.outputs": ["theta1.power", "energy"]})
+    found = model.inverse_dynamics(0.0, 2 * np.pi, samples=9).averages()["theta1.power"]
+    energy = model.inverse_dynamics(0.0, 2 * np.pi, samples=20001)["energy"].values
+    rises = np.diff(energy)
+    assert found.positive_work == pytest.approx(rises[rises > 0].sum(), rel=1e-7)
+    assert found.work == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_means_are_over_the_recorded_time_and_do_not_depend_on_the_samples():
+    model = symgen.build("four_bar")
+    whole = model.simulate(1.0, samples=3).averages()
+    assert model.simulate(1.0, samples=77).averages() == whole
+    parts = [model.simulate(1.0, t_eval=[a, b]).averages() for a, b in ((0.0, 0.4), (0.4, 1.0))]
+    for name, of in whole.items():
+        split = [x[name] for x in parts]
+        assert 0.4 * split[0].mean + 0.6 * split[1].mean == pytest.approx(of.mean, rel=1e-7, abs=1e-9)
+        squares = 0.4 * split[0].rms ** 2 + 0.6 * split[1].rms ** 2
+        assert math.sqrt(squares) == pytest.approx(of.rms, rel=1e-7, abs=1e-9)
+
+
+@pytest.mark.parametrize(("power", "known"), [(1.0, [False, False]), (0.25, [True, True])])
+def test_an_integral_over_a_pole_has_no_value(power, known):
+    """Integrals of |t - 0.3|^-1 and its square from 0 to 1 are infinite, those of |t - 0.3|^-1/4 are not."""
+
+    def integrands(times):
+        y = np.abs(times - 0.3) ** -power
+        return np.stack([y, y**2, 0 * y, y])[None]
+
+    sums = quadrature.integrals(integrands, np.array([0.0, 1.0]), 1e-4, np.array(["N"]), np.zeros(1))
+    assert np.isfinite(sums[0, :2]).tolist() == known
+    for x, exponent in zip(sums[0, :2], (power, 2 * power), strict=True) if all(known) else ():
+        rest = 1 - exponent
+        assert x == pytest.approx((0.3**rest + 0.7**rest) / rest, rel=1e-4)
+
+
+def test_results_without_means_are_refused(tmp_path, swinging):
+    run = swinging.simulate(0.5)
+    loaded = symgen.load_result(run.save(tmp_path / "run.npz"))
+    elastic = symgen.build("elastic_four_bar").simulate(steps=64, samples=5)
+    for result in (loaded, elastic, swinging.inverse_dynamics(at=[0.1, 0.2], over="time")):
+        with pytest.raises(ResultError, match="have means over time"):
+            result.averages()
+    with pytest.raises(ResultError, match="expected rtol between"):
+        run.averages(rtol=0)
+
+
+def test_tables_and_json_have_them():
+    words = ["--set", 'analysis.outputs=["crank.torque", "crank.power"]']
+    line = ["inverse-dynamics", "crank_rocker", *words, "--samples", "37"]
+    found = json.loads(CliRunner().invoke(app, [*line, "--json"]).stdout)["outputs"]
+    model = symgen.build("crank_rocker", set={"analysis.outputs": ["crank.torque", "crank.power"]})
+    fine = model.inverse_dynamics(samples=5001)
+    torque, power = (fine[name].values[:-1] for name in ("crank.torque", "crank.power"))
+    assert found["crank.torque"]["rms"] == pytest.approx(np.sqrt(np.mean(torque**2)), rel=1e-9)
+    assert found["crank.power"]["positive_work"] == pytest.approx(np.mean(np.maximum(power, 0)), rel=1e-5)
+    assert "work" not in found["crank.torque"] and found["crank.power"]["work"] == pytest.approx(0, abs=1e-9)
+    text = CliRunner().invoke(app, line, env={"COLUMNS": "160"}).stdout
+    rows = {row.split()[0]: row.split() for row in text.splitlines() if row.strip()}
+    assert rows["output"][-2:] == ["mean", "RMS"]
+    assert float(rows["crank.torque"][-1]) == pytest.approx(found["crank.torque"]["rms"], rel=1e-5)
+    assert "positive [J]" in text
