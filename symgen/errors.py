@@ -316,6 +316,17 @@ def check_known(name: str, known: Collection[str], problem: str) -> None:
         raise ModelError(f"{problem} {name!r}. {nearest(name, known)}")
 
 
+def check_tunable(name: str, known: Collection[str], model: str) -> None:
+    """Raise ModelError with the nearest name, or how to make one tunable, unless a parameter is tunable."""
+    if name not in known:
+        near = nearest(name, known) if known else "No parameter of it is tunable."
+        raise ModelError(
+            f"{model} has no tunable parameter {name!r}. {near}\n"
+            "  To change another parameter of the scene, write it as { value = ..., tunable = true }"
+            f", or build the scene with set={{{name!r}: ...}}."
+        )
+
+
 class SlowBackendWarning(UserWarning):
     """A model runs without kernels compiled for it, or with kernels compiled without optimisation."""
 

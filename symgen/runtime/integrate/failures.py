@@ -8,7 +8,9 @@ from types import MappingProxyType
 
 import numpy as np
 
+from symgen.precision import PRECISIONS
 from symgen.runtime import _core
+from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.causes import without_direction
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.pace import OUT_OF_TIME, out_of_time
@@ -20,6 +22,8 @@ _UNITS = {"vx": "m/s", "vy": "m/s", "vz": "m/s", "rate": "rad/s", "angular_veloc
 _UNITS |= {"x": "m", "y": "m", "z": "m", "length": "m", "angle": "rad", "t": "s"}
 #: A failed run's message names pivots that keep less than this.
 _NEAR = 1e-2
+#: Small part of positions, the rounding of doubles, and the number of its signs that are tried.
+_PART, _ROUNDINGS = 2.0**-52, 6
 #: What failures of power series may have as their cause, whatever else the message says.
 _OF_SERIES = (
     "Power series lose their digits near a loss of rank, where loads have no derivatives, and where a "
@@ -79,7 +83,7 @@ def _problem(
     slow = status == _core.STEP_TOO_SMALL or (status == _core.MORE and stepper.steps < chosen.max_steps)
     if failed or (slow and lost_rank):
         return _of_a_dead_centre(description, description.unknown(equations.weakest), at, where)
-    return _of_the_loads(status, stepper, evaluator, chosen, lost_rank, at, where)
+    return _of_the_loads(status, stepper, equations, evaluator, chosen, lost_rank, at, where)
 
 
 def unfinished(stepper: _core.Run, chosen: Options, at: str, reason: str = "") -> str:
@@ -180,6 +184,7 @@ def _remedy(description: Description) -> str:
 def _of_the_loads(
     status: int,
     stepper: _core.Run,
+    equations: _core.KernelEquations,
     evaluator: Evaluator,
     chosen: Options,
     lost_rank: str,
@@ -205,11 +210,25 @@ def _of_the_loads(
             f"  Use a smaller step. Last good state: {where.removeprefix('State: ')}"
         )
     if status == _core.STEP_TOO_SMALL:
+        small = f"the step became too small to continue {at}: the tolerance cannot be met there"
+        changed = 0.0 if near else _rounded(evaluator, stepper.t, q, u) * equations.core_type.epsilon
+        if not changed > chosen.rtol:
+            return f"{small}{near or _stiff(stepper)}\n  Loosen rtol and atol. {where}"
+        finer = [repr(p.name) for p in PRECISIONS.values() if p.epsilon < equations.core_type.epsilon]
+        remedy = f"Use precision {' or '.join(finer)}, or loosen" if finer else "Loosen"
         return (
-            f"the step became too small to continue {at}: the tolerance cannot be met there"
-            f"{near or _stiff(stepper)}\n  Loosen rtol and atol. {where}"
+            f"{small}, since rounding of the positions changes accelerations by {changed:.2g} of the "
+            f"largest, more than rtol\n  {remedy} rtol and atol. {where}"
         )
     return unfinished(stepper, chosen, at, near or (_stiff(stepper) if stepper.stiff else ""))
+
+
+def _rounded(evaluator: Evaluator, t: float, q: Array, u: Array) -> float:
+    """Return the relative change of accelerations with that of positions, a rounding, over this."""
+    n, signs = len(q), np.random.default_rng(0).choice([-1.0, 1.0], (_ROUNDINGS, len(q)))
+    at = evaluator("accelerations", t, q, u)[:n]
+    changed = [evaluator("accelerations", t, q * (1 + _PART * s), u)[:n] - at for s in signs]
+    return float(np.max(np.abs(changed)) / np.max(np.abs(at))) / _PART
 
 
 def _stiff(stepper: _core.Run) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import lru_cache, partial
 from typing import Any
@@ -92,19 +92,12 @@ def run(
         terminal=effects_of(events),
     )
     library = library_of_runs(evaluator.library, typed)
-    checkpoints = None
-    if keeping is not None:
-        more = (*events, np.asarray(t_eval).tolist()) if t_eval is not None else events
-        mark = mark_of(evaluator, library, equations, chosen, t0, y0, *more)
-        try:
-            checkpoints = RunCheckpoints(stepper, mark, keeping)
-        except ResultError:  # it may be of the other method
-            if chosen.otherwise:
-                return repeated(chosen.otherwise, keeping)
-            raise
-    status, wall = drive(stepper, t0, chosen, progress, checkpoints)
-    if chosen.otherwise and fails(status, stepper.steps, chosen):
-        return repeated(chosen.otherwise, keeping and replace(keeping, resume=None))
+    more = (*events, np.asarray(t_eval).tolist()) if t_eval is not None else events
+    mark = mark_of(evaluator, library, equations, chosen, t0, y0, *more) if keeping else ""
+    ended = driven(stepper, t0, chosen, progress, keeping, mark, repeated)
+    if isinstance(ended, Result):
+        return ended
+    status, wall = ended
     if evaluator.description.switches or evaluator.description.windings:
         # Samples are evaluated with the loads' own branches.
         equations.set_parameters(evaluator.parameter_values)
@@ -118,10 +111,33 @@ def run(
     )
 
 
-def fails(status: int, steps: int, chosen: Options) -> bool:
-    """Return whether a run of so many steps cannot continue, but might by another method."""
+def driven(
+    stepper: _core.Run,
+    t0: float,
+    chosen: Options,
+    progress: Progress | None,
+    keeping: CheckpointOptions | None,
+    mark: str,
+    repeated: Callable[[Options, CheckpointOptions | None], Result],
+) -> tuple[int, float] | Result:
+    """Advance a run to its end; return its status and wall time, or the result of the run that replaces it.
+
+    ``mark`` distinguishes its checkpoints from those of other runs. A run by a default method that cannot
+    continue, or whose checkpoint is of the other method, is ``repeated`` with ``chosen.otherwise``.
+    """
+    checkpoints = None
+    if keeping is not None:
+        try:
+            checkpoints = RunCheckpoints(stepper, mark, keeping)
+        except ResultError:  # it may be of the other method
+            if chosen.otherwise:
+                return repeated(chosen.otherwise, keeping)
+            raise
+    status, wall = drive(stepper, t0, chosen, progress, checkpoints)
     ended = status in (_core.DONE, _core.ENDED, OUT_OF_TIME, _core.DRIFTED)
-    return not ended and steps < chosen.max_steps
+    if chosen.otherwise and not ended and stepper.steps < chosen.max_steps:
+        return repeated(chosen.otherwise, keeping and replace(keeping, resume=None))
+    return status, wall
 
 
 def equations_of(

@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from symgen.errors import ResultError, SimulationError
+from symgen.errors import SimulationError
 from symgen.runtime import _core, _loop
 from symgen.runtime.arrays import Array
 from symgen.runtime.closure.mobility import scaled_screws
 from symgen.runtime.closure.start import Closed
-from symgen.runtime.integrate.checkpoint import CheckpointOptions, RunCheckpoints, mark_of
+from symgen.runtime.integrate.checkpoint import CheckpointOptions, mark_of
 from symgen.runtime.integrate.failures import of_sliding, unfinished, with_cause
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.pace import OUT_OF_TIME, Progress, out_of_time
-from symgen.runtime.integrate.simulate import check_end, drive, fails, sample_times, stepper_of
+from symgen.runtime.integrate.simulate import check_end, driven, sample_times, stepper_of
 from symgen.runtime.integrate.stepper import Stepper
 from symgen.runtime.kernels.typed import library_of_runs
 from symgen.runtime.loop.ball_poles import ball_pole, in_other_angles
@@ -83,19 +83,12 @@ def run(
     times = sample_times(t0, chosen, t_eval)
     stepper = stepper_of(equations, chosen, t0, y0, times)
     library = library_of_runs(kernels.library, kernels.typed)
-    checkpoints = None
-    if keeping is not None:
-        more = () if t_eval is None else (times.tolist(),)
-        mark = mark_of(kernels, library, equations, chosen, t0, y0, *more)
-        try:
-            checkpoints = RunCheckpoints(stepper, mark, keeping)
-        except ResultError:  # it may be of the other method
-            if chosen.otherwise:
-                return repeated(chosen.otherwise, keeping)
-            raise
-    status, wall = drive(stepper, t0, chosen, progress, checkpoints)
-    if chosen.otherwise and fails(status, stepper.steps, chosen):
-        return repeated(chosen.otherwise, keeping and replace(keeping, resume=None))
+    more = () if t_eval is None else (times.tolist(),)
+    mark = mark_of(kernels, library, equations, chosen, t0, y0, *more) if keeping else ""
+    ended = driven(stepper, t0, chosen, progress, keeping, mark, repeated)
+    if isinstance(ended, Result):
+        return ended
+    status, wall = ended
     result = Result._later(LoopRecording(kernels, equations, stepper, chosen, wall, library))
     if status == _core.DONE:
         return result

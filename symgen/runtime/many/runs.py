@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symgen.errors import InitialStateError, ModelError, RangeError, SimulationError, check_known, shown
+from symgen.errors import InitialStateError, ModelError, RangeError, SimulationError, check_tunable, shown
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Kernels
 from symgen.runtime.kernels.limits import refusals
@@ -50,7 +50,7 @@ def variants(
 
 def _values(model: Any, name: str, sequence: ArrayLike) -> Array:
     known = getattr(model, "parameters", {})
-    check_known(name, known, f"{model.name} has no tunable parameter")
+    check_tunable(name, known, model.name)
     values = np.asarray(sequence, dtype=float)
     if values.ndim > 1:
         raise ModelError(

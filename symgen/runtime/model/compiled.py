@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from symgen.calls import checked
 from symgen.display import display
-from symgen.errors import ModelError, RangeError, nearest
+from symgen.errors import ModelError, RangeError, check_tunable
 from symgen.precision import FLOAT64, Precision
 from symgen.runtime.integrate.options import SERIES_RTOL, SERIES_RTOL_PROBED
 from symgen.runtime.kernels.arguments import real
@@ -80,12 +80,7 @@ class Compiled:
         self.description, self._derive = description, derive
         values = {p.name: p.default for p in description.tunable}
         for name, value in (parameters or {}).items():
-            if name not in values:
-                raise ModelError(
-                    f"{description.name} has no tunable parameter {name!r}. {nearest(name, values)}\n"
-                    "  To change another parameter of the scene, write it as { value = ..., tunable = true }"
-                    f", or build the scene with set={{{name!r}: ...}}."
-                )
+            check_tunable(name, values, description.name)
             values[name] = real(value, f"{name}, in SI units")
         self._parameters = Parameters(values)
         self._equations: Any = None
@@ -217,10 +212,8 @@ class Compiled:
         """
         by = tuple([*self.parameters, *further] if names is None else names)
         for name in by:
-            if name not in self.parameters and name not in further:
-                raise ModelError(
-                    f"{self.name} has no tunable parameter {name!r}. {nearest(name, self.parameters)}"
-                )
+            if name not in further:
+                check_tunable(name, self.parameters, self.name)
         if not by and self.parameters:
             raise ModelError(
                 f"expected parameters of {self.name} to differentiate by, got none\n"

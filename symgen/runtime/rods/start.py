@@ -352,15 +352,18 @@ def _velocities(evaluator: Evaluator, starter: Starter, redundant: tuple[int, ..
 def _spun(evaluator: Evaluator, q: Array, row: int) -> InitialStateError:
     """Return the error of a rate with a component about the line of its rod."""
     d, still = evaluator.description, np.zeros_like(q)
-    name = _rows(evaluator, "start_velocity")[row].removesuffix(_SPIN)
+    rows = _rows(evaluator, "start_velocity")
+    name = rows[row].removesuffix(_SPIN)
     places = evaluator.blocks("points", 0.0, q, still)["positions"]
     start, end = (places[d.points.index(p)] for p in d.links[name][:2])
-    length = float(np.linalg.norm(end - start))
-    spin = float(evaluator.blocks("start_velocity", 0.0, q, still)["start_rates"][row]) / length
-    part = ", ".join(f"{x:.9g}" for x in spin * (end - start) / length + 0.0)
+    line, prescribed = end - start, evaluator.blocks("start_velocity", 0.0, q, still)["start_rates"]
+    spin = float(prescribed[row]) / float(np.linalg.norm(line))
+    ends = np.array([prescribed[rows.index(f"{name} rate {axis}")] for axis in "xyz"])
+    rest = ", ".join(f'"{x:.15g} rad/s"' for x in np.cross(line, ends) / (line @ line) + 0.0)
     return InitialStateError(
         f"{abs(spin):.3g} rad/s of the rate are about the line of {name}, about which a rod has no rotation\n"
-        f"  Subtract [{part}] rad/s from the rate, or give velocities of points.",
+        f"  The rate without it is {name} = [{rest}], which moves all points alike; or give velocities of "
+        "points.",
         where=f"start.rates.{name}",
     )
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from symgen.errors import ModelError, RangeError, SimulationError, check_known, shown
+from symgen.errors import ModelError, RangeError, SimulationError, check_known, check_tunable, shown
 from symgen.runtime.arrays import Array
 from symgen.runtime.sweeps.problem import OptimisationArguments, Problem, ReducedOutput
 
@@ -88,7 +88,7 @@ def optimum_of(search: OptimisationArguments, objective: str, measured: Sequence
         raise ModelError("expected variables with their bounds, got none")
     limits = {name: _pair(name, pair, open_ended=True) for name, pair in search.constraints.items()}
     for name in (*bounds, *start):
-        check_known(name, model.parameters, f"{model.name} has no tunable parameter")
+        check_tunable(name, model.parameters, model.name)
     for name in start.keys() - bounds.keys():
         raise ModelError(f"the start has {name}, which is not among the variables {', '.join(bounds)}")
     if search.tolerance <= 0.0 or not 1 <= search.iterations <= _MOST:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.atomic import writable
-from symgen.errors import ArgumentError, CapabilityError, ModelError, ResultError, check_known, nearest
+from symgen.errors import ArgumentError, CapabilityError, ModelError, ResultError, check_tunable, nearest
 from symgen.runtime.many.dataset import Keep, arrays_of, chosen, dataset_of
 from symgen.runtime.many.poses import FLOQUET
 from symgen.runtime.many.reductions import reductions
@@ -111,7 +111,7 @@ class Sweep:
         """
         values = self.model.parameters
         for name in self.design.names:
-            check_known(name, values, f"{self.model.name} has no tunable parameter")
+            check_tunable(name, values, self.model.name)
         self.check_outputs()
         names = self.design.names
         rows = self.design.values(0, min(_TRIED, self.design.count))

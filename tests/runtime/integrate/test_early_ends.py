@@ -125,3 +125,27 @@ def test_an_event_that_ends_runs_is_named():
     times = [float(text.partition("at t = ")[2].removesuffix(" s")) for text in ended]
     assert all("the event 'low'" in text for text in ended) and whole == ""
     assert times == pytest.approx(np.sqrt(2 * np.array([0.05, 0.1]) / 9.81), rel=1e-8)
+
+
+@pytest.mark.parametrize("method", ["dop853", "radau5"])
+def test_rounding_is_named_where_it_ends_a_run(method):
+    """Masses from 1 to 1e12 kg: as the chain becomes straight, forces follow from differences of positions."""
+    with pytest.raises(
+        SimulationError, match=r"since rounding of the positions .*\n  Use precision 'longdouble'"
+    ) as e:
+        symgen.build("mass_ratios").simulate(0.15, method=method, rtol=1e-10)
+    assert 0.1 < e.value.time < 0.12
+    run = symgen.build("mass_ratios", precision="longdouble").simulate(0.15, rtol=1e-10)
+    assert run.statistics["t"] == 0.15
+    with pytest.raises(SimulationError, match="may be stiff\n  Loosen"):  # a pole, where rounding is no cause
+        symgen.build(pole()).simulate(2.0, method=method)
+
+
+def pole():
+    """A crank under a torque that grows beyond all numbers at 1 s."""
+    return symgen.Scene(
+        parameters={"c": "1 N*m", "T": "1 s"},
+        points={"O": {"at": [0, 0], "ground": True}, "A": {"at": ["1 m", 0]}},
+        links={"crank": {"points": ["O", "A"], "mass": "1 kg"}},
+        torques=[{"link": "crank", "torque": "c*T**2/(T - t)**2"}],
+    )

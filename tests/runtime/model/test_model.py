@@ -151,6 +151,18 @@ def test_parameters_are_checked():
         symgen.build("peaucellier", set={"rho": "2 kg"})
 
 
+def test_the_remedy_for_a_parameter_that_is_not_tunable():
+    model = symgen.build("four_bar", backend="numpy")
+    for call in (
+        lambda: model.with_parameters(rho=1.0),
+        lambda: model.simulate_many({"rho": [1.0, 2.0]}),
+        lambda: model.sensitivity(["A.position"], ["rho"]),
+        lambda: model.sweep({"rho": [1.0, 2.0]}),
+    ):
+        with pytest.raises(ModelError, match=r"'rho'. No parameter of it is tunable.\n.*tunable = true"):
+            call()
+
+
 def test_states_are_checked():
     model = symgen.build("four_bar")
     with pytest.raises(ModelError, match="no point 'D'"):
