@@ -148,6 +148,12 @@ def look(pages: Sequence[Path], widths: Sequence[int], folder: Path) -> dict[tup
     return found
 
 
+def picture(page: Path, file: Path, width: int, height: int, *, dark: bool = False) -> None:
+    """Write a PNG of a page in a window of at least 500 px width, in its light or dark colours."""
+    scheme = f"--blink-settings=preferredColorScheme={0 if dark else 1}"
+    _run(page, width, height, file.parent, f"--screenshot={file}", scheme)
+
+
 def _frame(source: str, width: int, height: int) -> str:
     return f'<iframe src="{source}" style="width: {width}px; height: {height}px; border: 0"></iframe>'
 

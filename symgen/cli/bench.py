@@ -58,4 +58,4 @@ def bench(
         )
     if plot:
         draw(measurement, plot)
-    show(measurement.summary(), as_json, out, lambda console: print_work_precision(measurement, console))
+    show(measurement.summary(), as_json, out, lambda of: print_work_precision(measurement, of), plot)

@@ -114,6 +114,12 @@ def saved_on_failure(out: Path | None) -> Iterator[None]:
         raise
 
 
+def wrote(*files: Path | None) -> None:
+    """Print the name of every file that a command wrote."""
+    for file in filter(None, files):
+        console().print(f"wrote {file}", soft_wrap=True, highlight=False)
+
+
 def print_json(data: dict[str, Any]) -> None:
     """Print one JSON object."""
     import json
@@ -122,9 +128,16 @@ def print_json(data: dict[str, Any]) -> None:
 
 
 def show(
-    data: dict[str, Any], as_json: bool, file: Path | None, print_tables: Callable[[Console], None]
+    data: dict[str, Any],
+    as_json: bool,
+    file: Path | None,
+    print_tables: Callable[[Console], None],
+    plot: Path | None = None,
 ) -> None:
-    """Print results as tables or as one JSON object, and write this object to a file, if one is given."""
+    """Print results as tables or as one JSON object, and write this object to a file, if one is given.
+
+    ``plot`` is a file that the command wrote before.
+    """
     import json
 
     if file:
@@ -135,3 +148,4 @@ def show(
         print_json(data)
     else:
         print_tables(console())
+        wrote(file, plot)

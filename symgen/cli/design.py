@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from symgen.cli import options as o
-from symgen.cli.common import changes, command, console, print_json, progress_bar
+from symgen.cli.common import changes, command, console, print_json, progress_bar, wrote
 from symgen.cli.request import analysis
 from symgen.errors import ModelError, SimulationError
 
@@ -86,8 +86,7 @@ def _show(
         print_json(data)
         return
     print_study(study, console())
-    for file in filter(None, (*files, page)):
-        console().print(f"wrote {file}", soft_wrap=True)
+    wrote(*files, page)
 
 
 @analysis(

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from symgen.cli import options as o
-from symgen.cli.common import changes, command
+from symgen.cli.common import changes, command, wrote
 
 
 @command("symgen export four_bar --out four_bar_c")
@@ -26,4 +26,4 @@ def export(
     from symgen.export import export_c
 
     for name in export_c(scene, out, set=changes(set_), method=method):
-        print(out / name)
+        wrote(out / name)

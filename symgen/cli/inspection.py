@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from symgen.cli import options as o
-from symgen.cli.common import changes, command, console, print_json
+from symgen.cli.common import changes, command, console, print_json, wrote
 from symgen.errors import ModelError
 
 if TYPE_CHECKING:
@@ -51,7 +51,8 @@ def new(
     if file.exists():
         raise ResultError(f"{file} exists\n  Give another name, or remove it.")
     write_text(file, text)
-    print(f"{file}\n  Change it, then: symgen run {file}, symgen animate {file}")
+    wrote(file)
+    print(f"  Change it, then: symgen run {file}, symgen animate {file}")
 
 
 @command("symgen units")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from symgen.cli import options as o
-from symgen.cli.common import changes, command
+from symgen.cli.common import changes, command, wrote
 
 if TYPE_CHECKING:
     from symgen.scene.loading import SceneText
@@ -56,7 +56,7 @@ def report(
             else system_page(Path(scene), progress=status)
         )
     write_text(file, render(page))
-    print(file)
+    wrote(file)
 
 
 @command("symgen animate crank_rocker --out crank_rocker.gif")
@@ -101,7 +101,7 @@ def animate(
         film = film_of(text, frames, **options) if mode is None else film_of_mode(text, mode, angle, frames)
         status("writing")
         save(film, file, status)
-    print(file)
+    wrote(file)
 
 
 @command("symgen live crank_rocker --vary 'links.coupler.length=32 cm:45 cm'")
@@ -141,7 +141,7 @@ def live(
         page = live_of(text, of_options(vary or ()), FRAMES if samples is None else samples)
         status("writing")
     write_text(file, page_of(page))
-    print(file)
+    wrote(file)
 
 
 @command("symgen draw crank_rocker --at 0,60,120 --of B --out poses.dxf --unit mm")
@@ -196,7 +196,7 @@ def draw(
         poses = poses_of(at, "--at") if at else None
         options["samples"] = FRAMES if samples is None else samples
         sheet_of(text, poses, of=() if no_paths else of or None, unit=unit, **options).save(file)
-    print(file)
+    wrote(file)
 
 
 def _scene(

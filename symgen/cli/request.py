@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from symgen.cli.common import changes, command, console, print_json, progress_bar, saved_on_failure
+from symgen.cli.common import changes, command, console, print_json, progress_bar, saved_on_failure, wrote
 from symgen.cli.options import DEFAULTS, OF_ANALYSES
 from symgen.errors import ArgumentError, ModelError, OptionsError
 from symgen.methods import load, method_of
@@ -111,9 +111,8 @@ class CommandRequest:
         self.show(verb, result)
         if film:
             result.animate(film)
-        for file in (out, plot, film):
-            if file and not self.as_json:
-                console().print(f"wrote {file}", soft_wrap=True)
+        if not self.as_json:
+            wrote(out, plot, film)
 
     def result(self, verb: str, **arguments: Any) -> Any:
         """Return the result of an analysis, with a progress bar if it reports progress.

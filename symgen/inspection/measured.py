@@ -12,8 +12,8 @@ from symgen.display import seconds
 from symgen.errors import ModelError, SimulationError
 from symgen.inspection.view import View, view_of
 from symgen.report.extremes import texts
-from symgen.report.page.figures import FigureView, error_figure, run_figure
-from symgen.report.page.page import Fact, Measured, TableView
+from symgen.report.page.figures import error_figure, run_figure
+from symgen.report.page.page import Fact, FigureView, Measured, TableView
 from symgen.runtime.result.result import Result
 from symgen.scene.loading import SceneText, check_scene
 from symgen.study.speed.work_precision import WorkPrecision, work_precision

@@ -20,7 +20,7 @@ from symgen.scene.rods.rotations import GearPair
 
 Array = NDArray[np.float64]
 #: Parts of an elastic link between the places where its deflection is drawn.
-_PARTS = 8
+_PARTS = 16
 #: Largest deflection drawn, over the size of the mechanism.
 SEEN = 0.08
 #: Magnification beyond which deflections are round-off.

@@ -56,7 +56,7 @@ def _rpm(speed: float, digits: int) -> str:
 
 def print_speed_response(result: SpeedResponse, _: Any, console: Console) -> None:
     """Print peak values and stability at every speed, and the critical speeds."""
-    shown = [v for v in result.variables if v.name.endswith(".bending_strain")]
+    shown = [v for v in result.shown if v.name.endswith(".bending_strain")]
     head = ("speed [rpm]", *(f"{v.name} [{v.unit}]" for v in shown), "largest multiplier")
     multipliers = result.variable("floquet").values
     rows = [

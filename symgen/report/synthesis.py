@@ -11,7 +11,7 @@ import numpy as np
 
 from symgen.report.page.drawing import DrawnLine, Node, Sketch
 from symgen.report.page.page import TableView
-from symgen.report.page.plots import save
+from symgen.report.page.plots import WIDTH, legend_above, save
 from symgen.report.page.sheet import Sheet
 from symgen.report.page.study import Study
 
@@ -114,7 +114,7 @@ def synthesis_study(synthesis: Any) -> Study:
         texts=(1,),
         keys=2,
         drawings=lambda: (
-            _drawn(i, d.linkage, _shown_in(synthesis)[0]).svg()
+            _drawn(i, d.linkage, _shown_in(synthesis)[0])
             for i, d in enumerate(synthesis.designs[:_DRAWN], start=1)
         ),
     )
@@ -165,7 +165,7 @@ def plot_chart(chart: Any, file: str | os.PathLike[str] | None = None) -> Figure
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(8, 7), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 6), layout="constrained")
     panels = figure.subplots(2, 1, sharex=True)
     (length, per_length), (angle, per_angle) = _of_links(chart), _shown_in(chart)[1]
     _, size = _unit_of(chart, chart.unit)
@@ -185,7 +185,7 @@ def plot_chart(chart: Any, file: str | os.PathLike[str] | None = None) -> Figure
     panels[1].set_xlabel(_over(chart))
     for panel in panels:
         panel.grid(alpha=0.3)
-        panel.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
+        legend_above(panel)
     figure.suptitle(chart.title or "Design chart", fontsize="medium")
     if file is not None:
         save(figure, file)

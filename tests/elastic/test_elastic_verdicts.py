@@ -137,10 +137,12 @@ def test_a_reduction_is_told(kind):
 
 
 def test_panels_by_kind(four_bar, tmp_path):
-    figure = four_bar.quasi_static(samples=3).plot(file=tmp_path / "run.svg")
-    labels = [axes.get_ylabel() for axes in figure.axes]
-    assert len(labels) == len(set(labels))
-    assert {"bending strain", "displacement [m]", "position [m]", "force [N]"} <= set(labels)
+    run = four_bar.quasi_static(samples=3)
+    labels = [axes.get_ylabel() for axes in run.plot(file=tmp_path / "run.svg").axes]
+    assert len(labels) == len(set(labels)) == 6
+    assert {"bending strain\n[microstrain]", "displacement\n[m]"} <= set(labels)
+    (selected,) = run.plot("A.position.x", "B.position").axes
+    assert selected.get_ylabel() == "position\n[m]"
 
 
 def test_a_crank_at_rest_is_told_over_time():

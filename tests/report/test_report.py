@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import re
-import sys
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
 import pytest
+from shared.browsing import browser, in_chromium
 from shared.shipped import derived
 from typer.testing import CliRunner
 
@@ -27,20 +26,6 @@ FOLDER = Path(__file__).parents[2] / "benchmarks"
 README = Path(__file__).parents[2] / "README.md"
 #: One of rods, one of them in space, one loop, one with links that bend.
 SCENES = ("four_bar", "vertical_rods", "slider_crank", "elastic_slider_crank")
-
-
-def _browser():
-    spec = importlib.util.spec_from_file_location("browser", FOLDER / "browser.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["browser"] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-browser = _browser()
-in_chromium = pytest.mark.skipif(
-    browser.chromium() is None, reason="needs Chromium (apt install chromium), and there is none"
-)
 
 
 @pytest.fixture(scope="module")
@@ -73,6 +58,8 @@ def test_a_page_is_whole_and_needs_nothing_else(pages, name):
     framed = unescape(re.search(r'class="moving"><iframe srcdoc="([^"]*)"', text)[1])
     film = json.loads(re.search(r'id="data"[^>]*>(.*?)</script>', framed)[1])
     assert len(film["frames"]) > 50 and film["curves"] == [] and "<h1>" not in framed
+    moving, still = text.index('class="moving"'), text.index('<figure class="drawing">')
+    assert moving < still and not re.findall(r"\.drawing[^{}]*\{[^}]*display: none", text)
 
 
 WIDTHS = (390, 1440)

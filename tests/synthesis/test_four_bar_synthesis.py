@@ -220,6 +220,7 @@ def test_motion_generation_with_given_pivots():
     assert lengths(found)[0] == pytest.approx((A, B, C, D), rel=1e-9) and not found.designs[0].faults
     page = render_study(synthesis_study(found), "task")
     assert page.count('<figure class="drawing">') == len(found.designs)
+    assert not re.findall(r'<rect[^>]*fill="#fff', page)  # no white paper on a dark page
     assert all(f'<td class="n">{x:.6g}</td>' in page for x in (A, B, C, D))
 
 

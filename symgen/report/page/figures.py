@@ -6,26 +6,29 @@ import base64
 import io
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from symgen.report.page.drawing import not_drawn
-from symgen.report.page.plots import draw_errors
-from symgen.runtime.result.records import Variable, columns
+from symgen.report.page.page import LIGHT, FigureView
+from symgen.report.page.plots import WIDTH, also_recorded, draw_errors, figure_of, legend_above, panels_of
 from symgen.runtime.result.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Width of a figure [in].
-_WIDTH = 7.4
-#: Height of a panel [in].
-_PANEL = 1.75
-#: Most curves of a panel.
-_CURVES = 6
-#: Most panels of a page.
-_PANELS = 6
+#: Colours of text, axes and curves on white, and those that replace them on dark paper; maps keep theirs.
+_SCHEMES = {
+    LIGHT["ink"]: "#e4e6e9",
+    "#1f5c99": "#7fb2e6",
+    "#c2571a": "#f0975e",
+    "#2e7d4f": "#6fc795",
+    "#8a3f8f": "#d796dc",
+    "#a08a1c": "#d8c455",
+    "#5b6770": "#a9b4bd",
+    "#b03052": "#f0869f",
+    "#0f8b8d": "#5fd0d2",
+}
+_INK, *_CURVES = _SCHEMES
 #: Maximum number of samples per curve; longer curves are thinned.
 _TIMES = 400
 _STYLE: Any = {
@@ -41,43 +44,23 @@ _STYLE: Any = {
     "legend.frameon": False,
     "legend.fontsize": 8.0,
     "lines.linewidth": 1.2,
-    "axes.prop_cycle": "cycler(color=['#1f5c99', '#c2571a', '#2e7d4f', '#8a3f8f', '#a08a1c', '#5b6770'])",
+    "axes.prop_cycle": f"cycler(color={_CURVES})",
+    **dict.fromkeys(("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color"), _INK),
+    "grid.color": _INK,
 }
 
 
-@dataclass(frozen=True, slots=True)
-class FigureView:
-    """A figure: its data as a URI, alternative text and caption."""
+def run_figure(result: Result, *, schemes: bool = True) -> FigureView:
+    """Plot the outputs of a run, one panel per quantity; the caption names the omitted ones.
 
-    uri: str
-    alt: str
-    caption: str
-
-
-def run_figure(result: Result) -> FigureView:
-    """Plot the outputs of a run, one panel per kind; the caption gives the number of omitted curves."""
-    panels: dict[str, list[tuple[str, Any]]] = {}
-    for variable in result.shown:
-        panels.setdefault(result.panel(variable), []).extend(_curves(variable))
-    along, label = result.over
-    every = max(1, len(along) // _TIMES)
-    drawn = dict(list(panels.items())[:_PANELS])
-    left = sum(max(0, len(c) - _CURVES) for c in drawn.values())
-    left += sum(len(c) for name, c in panels.items() if name not in drawn)
-    with _styled() as styled:
-        figure = styled(figsize=(_WIDTH, 0.55 + _PANEL * len(drawn)), layout="constrained")
-        axes = figure.subplots(len(drawn), 1, sharex=True, squeeze=False)[:, 0]
-        for panel, (name, curves) in zip(axes, drawn.items(), strict=True):
-            for text, values in curves[:_CURVES]:
-                panel.plot(along[::every], values[::every], label=text)
-            panel.set_ylabel(name)
-            panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.03))
-        axes[-1].set_xlabel(label)
-        uri = _uri(figure)
-    names = ", ".join(drawn)
-    return FigureView(
-        uri, f"Curves over {label}: {names}", f"Recorded outputs over {label}.{not_drawn(left)}"
-    )
+    Without ``schemes`` the figure is drawn on white paper, for notebooks.
+    """
+    drawn, omitted = panels_of(result)
+    with _styled():
+        uri = _uri(figure_of(result, drawn, samples=_TIMES), schemes)
+    label = result.over[1]
+    caption = f"Recorded outputs over {label}. {also_recorded(omitted)}".rstrip()
+    return FigureView(uri, f"Curves over {label}: {', '.join(drawn)}", caption)
 
 
 def plain_figure(draw: Callable[[], Figure], alt: str, caption: str = "") -> FigureView:
@@ -89,17 +72,12 @@ def plain_figure(draw: Callable[[], Figure], alt: str, caption: str = "") -> Fig
 def error_figure(curves: Sequence[tuple[str, Sequence[tuple[float, float]]]], measured: str) -> FigureView:
     """Plot time against error, with one curve (error, time [s]) per method; errors decrease to the right."""
     with _styled() as styled:
-        figure = styled(figsize=(_WIDTH, 3.1), layout="constrained")
+        figure = styled(figsize=(WIDTH, 3.1), layout="constrained")
         axes: Axes = figure.subplots()
         draw_errors(axes, curves, measured)
-        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.02))
+        legend_above(axes)
         uri = _uri(figure)
     return FigureView(uri, "Wall time of a run against its error, one curve per method", "")
-
-
-def _curves(variable: Variable) -> Iterator[tuple[str, Any]]:
-    for part in columns([variable]):
-        yield part.name, part.values
 
 
 @contextmanager
@@ -112,7 +90,18 @@ def _styled() -> Iterator[type[Figure]]:
         yield Figure
 
 
-def _uri(figure: Any) -> str:
+def _uri(figure: Any, schemes: bool = True) -> str:
+    """Return a figure as a URI; its ink follows the colour scheme of the page, if it has ``schemes``."""
     stream = io.BytesIO()
-    figure.savefig(stream, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
-    return "data:image/svg+xml;base64," + base64.b64encode(stream.getvalue()).decode()
+    metadata = {"Date": None, "Creator": None}
+    figure.savefig(stream, format="svg", transparent=schemes, metadata=metadata)
+    svg = stream.getvalue().decode()
+    if schemes:
+        light, dark = (
+            "".join(f"--c{i}:{pair[k]};" for i, pair in enumerate(_SCHEMES.items())) for k in (0, 1)
+        )
+        for i, colour in enumerate(_SCHEMES):
+            svg = svg.replace(colour, f"var(--c{i})")
+        style = f"<style>svg{{{light}}}@media(prefers-color-scheme:dark){{svg{{{dark}}}}}</style>"
+        svg = svg.replace("<defs>", f"{style}<defs>", 1)
+    return "data:image/svg+xml;base64," + base64.b64encode(svg.encode()).decode()

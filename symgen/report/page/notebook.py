@@ -35,6 +35,6 @@ def result_html(result: Result) -> str:
     if result.origin is not None and result.count > 1 and result.statistics.get("wall_s", math.inf) < QUICK:
         parts.append(display("moving_html", result))
     if result.variables and result.count > 1:
-        figure = run_figure(result)
+        figure = run_figure(result, schemes=False)
         parts.append(f'<img src="{figure.uri}" alt="{escape(figure.alt)}" style="max-width: 100%">')
     return "".join(parts)

@@ -9,7 +9,6 @@ from typing import Any
 
 from symgen.codegen.views import UnitView
 from symgen.report.page.drawing import Drawing
-from symgen.report.page.figures import FigureView
 from symgen.report.page.views import MatrixPattern, MatrixView, SymbolView
 from symgen.runtime.result.result import Result
 
@@ -53,6 +52,15 @@ class TableView:
 
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FigureView:
+    """A figure: its data as a URI, alternative text and caption."""
+
+    uri: str
+    alt: str
+    caption: str
 
 
 @dataclass(frozen=True, slots=True)

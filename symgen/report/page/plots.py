@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle
+from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,8 +16,12 @@ from symgen.runtime.result.result import Result
 
 #: Supported file name extensions of plots.
 DRAWN_AS = (".png", ".svg", ".pdf")
-#: Most curves of a panel, without selected outputs.
-_CURVES = 8
+#: Width of a figure and height of a panel [in]; text stays readable at half the width of a phone.
+WIDTH, _PANEL = 5.6, 1.75
+#: Width of a letter of a legend, and of the rest of an entry [in]; letters in a line of a title.
+_LETTER, _KEY, _LINE = 0.06, 0.4, 95
+#: Most panels, and curves of each, without selected outputs.
+_PANELS, _CURVES = 6, 8
 #: Least range of such a curve, over its largest value.
 _VARIES = 1e-9
 #: Errors from here on are those of another motion.
@@ -45,8 +50,8 @@ def plot(
         The result.
     names
         Outputs, such as ``C.position`` or ``C.position.x``, or points or links for all their recorded
-        outputs. If none is given, all that vary, efforts first; a panel of many curves shows magnitudes of
-        vectors, and the largest of these, without equal ones.
+        outputs. If none is given, the first six quantities that vary, efforts first; a panel of many curves
+        shows magnitudes of vectors, and the largest of these, without equal ones.
     file
         Output file; its extension selects the format.
     xy
@@ -61,33 +66,70 @@ def plot(
     ResultError
         If no output of a name was recorded, a result to compare with is none, or the file cannot be written.
     """
-    from matplotlib.figure import Figure
-
     if xy:
         return _path(result, xy, file, compare or {})
-    chosen = _chosen(result, names)
+    chosen, omitted = panels_of(result, names)
+    return _titled(figure_of(result, chosen, over, compare), result, file, also_recorded(omitted))
+
+
+def panels_of(
+    result: Result, names: Sequence[str] = ()
+) -> tuple[dict[str, list[Variable]], dict[str, list[Variable]]]:
+    """Return the outputs of each panel by its label: those drawn, and those omitted without selected ones."""
+    panels = _selected(result, names) if names else _by_default(result)
+    drawn = [*panels] if names else [*panels][:_PANELS]
+    return {n: panels[n] for n in drawn}, {n: v for n, v in panels.items() if n not in drawn}
+
+
+def also_recorded(omitted: Iterable[str]) -> str:
+    """Return a sentence on panels that a plot omits; empty if there are none."""
+    return f"Also recorded: {', '.join(omitted)}." if omitted else ""
+
+
+def figure_of(
+    result: Result,
+    chosen: Mapping[str, Sequence[Variable]],
+    over: str = "",
+    compare: Mapping[str, Result] | None = None,
+    samples: int | None = None,
+) -> Figure:
+    """Draw panels of outputs by their labels, each with a legend; with about ``samples`` points per curve."""
+    from matplotlib.figure import Figure
+
     labels = list(chosen)
-    figure = Figure(figsize=(9, 1.2 + 2.4 * len(labels)), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 0.9 + _PANEL * len(labels)), layout="constrained")
     panels = dict(zip(labels, figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0], strict=True))
-    colours: dict[str, Any] = {}
-    for label, source, style in _curves(result, compare or {}):
+    for ending, source, style in _curves(result, compare or {}):
         along, words = _along(source, over)
+        every = slice(None, None, max(1, len(along) // samples) if samples else 1)
         for panel, variables in chosen.items():
             for part in columns([_in_units_of(result, source, v) for v in variables]):
-                (line,) = panels[panel].plot(
-                    along, part.values, style, label=part.name + label, color=colours.get(part.name)
-                )
-                colours.setdefault(part.name, line.get_color())
+                panels[panel].plot(along[every], part.values[every], style, label=part.name + ending)
         panels[labels[-1]].set_xlabel(words)
     for panel_label, panel in panels.items():
-        panel.set_ylabel(panel_label)
+        panel.set_ylabel(panel_label.replace(" [", "\n["))
+        panel.ticklabel_format(axis="y", useOffset=False)
+        panel.yaxis.get_offset_text().set(x=-0.01, ha="right")  # a power of ten, beside the legend
         panel.grid(alpha=0.3)
         _flatten(panel, min(result.drift.scale(v.unit, _range(v)) for v in chosen[panel_label]))
-        if len(panel.lines) > 1:
-            panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False)
-        else:
-            panel.set_title(panel.lines[0].get_label(), loc="left", fontsize="small")
-    return _titled(figure, result, file)
+        legend_above(panel)
+    return figure
+
+
+def legend_above(panel: Any) -> None:
+    """Give a panel its legend above the axes, in columns as wide as the longest label."""
+    longest = max(len(str(line.get_label())) for line in panel.lines)
+    columns = max(1, int((WIDTH - 0.8) / (_KEY + _LETTER * longest)))
+    panel.legend(
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=columns,
+        fontsize=8.0,
+        frameon=False,
+        borderaxespad=0.1,
+        handlelength=1.4,
+        columnspacing=1.2,
+    )
 
 
 def _flatten(panel: Any, scale: float) -> None:
@@ -125,8 +167,9 @@ def _in_units_of(result: Result, source: Result, variable: Variable) -> Variable
     return _magnitude(variable_in_units) if variable.name.startswith("|") else variable_in_units
 
 
-def _titled(figure: Figure, result: Result, file: str | os.PathLike[str] | None) -> Figure:
-    figure.suptitle(f"{result.title}\n{result.headline}", fontsize="medium")
+def _titled(figure: Figure, result: Result, file: str | os.PathLike[str] | None, note: str = "") -> Figure:
+    lines = [line for text in (result.title, result.headline, note) for line in wrap(text, _LINE)]
+    figure.suptitle("\n".join(lines), fontsize="small")
     if file is not None:
         save(figure, file)
     return figure
@@ -174,10 +217,8 @@ def _shown(result: Result, name: str) -> Variable:
     return converted([result.variable(name)], result.units)[0]
 
 
-def _chosen(result: Result, names: tuple[str, ...]) -> dict[str, list[Variable]]:
-    """Return the outputs of each panel by its label."""
-    if not names:
-        return _by_default(result)
+def _selected(result: Result, names: Sequence[str]) -> dict[str, list[Variable]]:
+    """Return the named outputs of each panel by its label."""
     chosen: dict[str, Variable] = {}
     for name in names:
         of_owner = [v for v in result.shown if v.name.partition(".")[0] == name and "." in v.name]
@@ -194,9 +235,11 @@ def _panels(result: Result, variables: Iterable[Variable]) -> dict[str, list[Var
 
 def _by_default(result: Result) -> dict[str, list[Variable]]:
     """Return the panels of a figure without selected outputs: few curves, none of them constant."""
-    by_quantity = {}
+    by_quantity, sizes = {}, dict[str, float]()
+    for v in result.shown:
+        sizes[v.unit] = max(sizes.get(v.unit, 0.0), _size(v))
     for label, variables in _panels(result, result.shown).items():
-        size = max(map(_size, variables))
+        size = sizes[variables[0].unit]
         varying = [v for v in columns(variables) if _range(v) > _VARIES * size]
         if len(varying) > _CURVES:
             varying = _largest(variables, size)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.atomic import writable, write_text
-from symgen.report.page.drawing import DrawnLine, Node, Sketch, drawing, hull, slider_block
+from symgen.report.page.drawing import Drawing, DrawnLine, Node, Sketch, drawing, hull, slider_block
 from symgen.report.page.page import environment
 from symgen.runtime.sweeps.stores import needed
 
@@ -79,10 +79,14 @@ class Sheet:
             lines += [DrawnLine(k.kind, "", k.at / size) for k in pose.lines if k.kind != "rail"]
         return Sketch(tuple(nodes), tuple(lines), first.gravity, self.unit[0])
 
+    def drawn(self) -> Drawing:
+        """Return the drawing for a page: front view in the plane, oblique view in space, with a scale bar."""
+        return drawing(self._whole())
+
     def svg(self) -> str:
-        """Return the drawing as SVG: front view in the plane, oblique view in space, with a scale bar."""
+        """Return the drawing as SVG on white paper."""
         template = environment().get_template("sheet.svg.j2")
-        return template.render(title=self.title, drawing=drawing(self._whole()))
+        return template.render(title=self.title, drawing=self.drawn())
 
     def dxf(self) -> str:
         """Return the drawing as DXF (2010) in the unit of length, with the layers of ``_LAYERS``.

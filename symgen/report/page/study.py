@@ -10,6 +10,7 @@ from rich.console import Console
 
 from symgen.report.page.figures import plain_figure
 from symgen.report.page.page import Fact, TableView, environment
+from symgen.report.page.sheet import Sheet
 from symgen.report.tables import table
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ class Study:
     figures
         Functions that draw the figures of the page, with alternative text and caption.
     drawings
-        Returns the drawings of the page as SVG.
+        Returns the drawings of the page.
     """
 
     title: str
@@ -37,7 +38,7 @@ class Study:
     texts: Collection[int] = (0,)
     keys: int = 1
     figures: tuple[tuple[Callable[[], Figure], str, str], ...] = ()
-    drawings: Callable[[], Iterable[str]] = tuple
+    drawings: Callable[[], Iterable[Sheet]] = tuple
 
 
 def render_study(study: Study, name: str) -> str:

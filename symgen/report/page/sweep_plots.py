@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ResultError, nearest
+from symgen.report.page.plots import WIDTH as _WIDTH
 from symgen.report.page.plots import save
 from symgen.runtime.many.dataset import EARLY, RECORDED
 from symgen.runtime.many.poses import FLOQUET
-from symgen.runtime.result.records import display_units, key_of
+from symgen.runtime.result.records import display_units, key_of, shown_in
 
 if TYPE_CHECKING:
     import xarray
@@ -24,7 +25,9 @@ _CELLS = 512
 #: Most runs whose histories are drawn.
 DRAWN = 60
 #: Most paths side by side.
-_ACROSS = 6
+_ACROSS = 5
+#: Part of the colours of curves that is readable on white and on black.
+_READABLE = (0.3, 0.85)
 #: Most curves with a legend.
 _LEGEND = 10
 #: Quantiles to whose range panels over an input are scaled.
@@ -72,6 +75,7 @@ def plot(runs: xarray.Dataset, *names: str, file: str | os.PathLike[str] | None 
     ResultError
         If there is no such output, or the file cannot be written.
     """
+    from matplotlib import rcParams
     from matplotlib.figure import Figure
 
     known = outputs_of(runs)
@@ -88,7 +92,7 @@ def plot(runs: xarray.Dataset, *names: str, file: str | os.PathLike[str] | None 
     chosen = list(names) or [name for name in known if not name.endswith("_drift")]
     varied = [p for p in parameters_of(runs) if len(np.unique(runs[p].values)) > 1] or parameters_of(runs)
     x = varied[0]
-    figure = Figure(figsize=(8, 1.0 + 3.0 * len(chosen)), layout="constrained")
+    figure = Figure(figsize=(_WIDTH, 1.0 + 2.6 * len(chosen)), layout="constrained")
     for panel, name in zip(figure.subplots(len(chosen), 1, squeeze=False)[:, 0], chosen, strict=True):
         values = values_of(runs, name)
         label = label_of(runs, name)
@@ -98,13 +102,16 @@ def plot(runs: xarray.Dataset, *names: str, file: str | os.PathLike[str] | None 
             panel.plot(values_of(runs, x)[order], values[order], marker=".")
             early = order[_ended_early(runs)[order]]
             if len(early):
-                rings = panel.plot(values_of(runs, x)[early], values[early], "o", mfc="white", c="black")
+                rings = panel.plot(
+                    values_of(runs, x)[early], values[early], "o", mfc="none", c=rcParams["text.color"]
+                )
                 panel.legend(rings[:1], ["ended early"])
             panel.set_ylabel(label)
             panel.grid(alpha=0.3)
             continue
         size = values if values.ndim == 1 else np.sqrt(np.sum(values**2, axis=1))
         stability = _around_one(size) if name == FLOQUET else {}
+        panel.grid(visible=False)
         drawn = _map(panel, values_of(runs, x), values_of(runs, varied[1]), size, len(varied) == 2, stability)
         if stability:
             label = "largest Floquet multiplier"
@@ -127,7 +134,7 @@ def plot_front(front: xarray.Dataset) -> Figure:
     from matplotlib.figure import Figure
 
     first, second = (str(name) for name in [*front.data_vars][:2])
-    figure = Figure(figsize=(8, 4), layout="constrained")
+    figure = Figure(figsize=(_WIDTH, 3.2), layout="constrained")
     panel: Any = figure.subplots()
     panel.plot(values_of(front, first), values_of(front, second), marker="o")
     panel.set(xlabel=label_of(front, first), ylabel=label_of(front, second))
@@ -141,7 +148,7 @@ def _curves(runs: xarray.Dataset, names: Sequence[str], file: str | os.PathLike[
     from matplotlib.figure import Figure
 
     count = min(runs.sizes["run"], DRAWN)
-    colours = colormaps["viridis"](np.linspace(0.0, 0.9, count))
+    colours = colormaps["viridis"](np.linspace(*_READABLE, count))
     paths = [
         name
         for name in names
@@ -151,9 +158,9 @@ def _curves(runs: xarray.Dataset, names: Sequence[str], file: str | os.PathLike[
     panels = len(names) - len(paths)
     across = min(_ACROSS, count)
     figure = Figure(
-        figsize=(8, 0.6 + 3.0 * panels + 1.7 * len(paths) * -(-count // across)), layout="constrained"
+        figsize=(_WIDTH, 0.6 + 2.6 * panels + 1.4 * len(paths) * -(-count // across)), layout="constrained"
     )
-    heights = [1.7 * -(-count // across) if name in paths else 3.0 for name in names]
+    heights = [1.4 * -(-count // across) if name in paths else 2.6 for name in names]
     parts: Any = figure.subfigures(len(names), 1, squeeze=False, height_ratios=heights)
     for part, name in zip(parts[:, 0], names, strict=True):
         values = values_of(runs, name)[:count]
@@ -214,8 +221,7 @@ def _scale(panel: Any, values: NDArray[np.float64]) -> None:
 
 def unit_of(runs: xarray.Dataset, name: str) -> tuple[str, float]:
     """Return name and size in SI of the unit in which a variable is shown."""
-    unit = runs[name].attrs.get("units", "")
-    return display_units(runs.attrs).get(unit, (unit, 1.0))
+    return shown_in(name, runs[name].attrs.get("units", ""), display_units(runs.attrs))
 
 
 def values_of(runs: xarray.Dataset, name: str) -> Any:

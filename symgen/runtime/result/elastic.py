@@ -12,7 +12,6 @@ from symgen.calls import checked
 from symgen.display import seconds
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array, Indices
-from symgen.runtime.result.records import Variable
 from symgen.runtime.result.result import Result
 
 if TYPE_CHECKING:
@@ -41,10 +40,6 @@ class ElasticResult(Result):
 
     KIND = "elastic"
     NOTED_IN_MANY = True
-
-    def panel(self, variable: Variable) -> str:
-        """Return the panel of an output in plots: positions and displacements have separate panels."""
-        return panel_by_kind(variable)
 
     @property
     def floquet(self) -> tuple[complex, ...]:
@@ -199,12 +194,6 @@ def rainflow(history: Array) -> Iterator[tuple[float, float, float]]:
 
 def _cycle(first: float, second: float, count: float) -> tuple[float, float, float]:
     return abs(second - first), (first + second) / 2, count
-
-
-def panel_by_kind(variable: Variable) -> str:
-    """Return a panel for outputs of the same kind: the last word of their name, with its unit."""
-    kind = variable.name.rpartition(".")[2].replace("_", " ")
-    return kind if variable.unit == "1" else f"{kind} [{variable.unit}]"
 
 
 def beyond_linear_theory(notes: Iterable[str]) -> bool:

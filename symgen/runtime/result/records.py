@@ -25,7 +25,13 @@ if TYPE_CHECKING:
 Indexed = tuple[dict[str, Any], dict[str, Any]]
 #: Range of an energy over the energy exchanged below which plots show it as constant.
 _FLAT = 1e-6
-_SI = {"length": ("m", 1.0), "force": ("N", 1.0), "angle": ("rad", 1.0), "stress": ("Pa", 1.0)}
+_SI = {"length": ("m", 1.0), "force": ("N", 1.0), "angle": ("rad", 1.0)}
+#: Names of strains, also of their reductions in sweeps, and the unit in which they are shown.
+_STRAIN, _MICRO = re.compile(r"(^|[._])strain(_[yz])?(\.|$)"), ("microstrain", 1e-6)
+#: Unit in which stresses are shown where the scene selects none.
+_STRESS = ("MPa", 1e6)
+#: Quantities of outputs whose names have one word, such as joint variables.
+_OF_ONE_WORD = {"rad": "angle", "m": "length"}
 #: Attribute of datasets of many runs, whose values are in SI.
 _DISPLAY_UNITS = "display_units"
 
@@ -225,7 +231,7 @@ def converters(units: Mapping[str, tuple[str, float]]) -> dict[str, tuple[str, f
     """
     if not units:
         return {}
-    (length, per_length), (force, per_force), (angle, per_angle), (stress, per_stress) = (
+    (length, per_length), (force, per_force), (angle, per_angle) = (
         units.get(of, si) for of, si in _SI.items()
     )
     in_si = (length, force) == ("m", "N")
@@ -241,9 +247,34 @@ def converters(units: Mapping[str, tuple[str, float]]) -> dict[str, tuple[str, f
         "N*m": units.get("torque", (f"{force}*{length}", work)),
         "J": ("J" if in_si else f"{force}*{length}", work),
         "W": ("W" if in_si else f"{force}*{length}/s", work),
-        "Pa": (stress, per_stress),
+        **({"Pa": units["stress"]} if "stress" in units else {}),
         "1": ("1", 1.0),
     }
+
+
+def shown_in(name: str, unit: str, units: Mapping[str, tuple[str, float]]) -> tuple[str, float]:
+    """Return name and size in SI of the unit in which an output is shown.
+
+    Strains are in microstrain; stresses in MPa unless ``units``, of the form of :func:`converters`, has
+    another unit.
+    """
+    if unit == "1" and _STRAIN.search(name):
+        return _MICRO
+    return units.get(unit) or (_STRESS if unit == "Pa" else (unit, 1.0))
+
+
+def quantity_of(name: str, unit: str) -> str:
+    """Return the quantity of an output: ``position`` of ``A.position.x``, ``energy`` of ``kinetic_energy``.
+
+    That of a joint variable follows from its unit in SI.
+    """
+    words = name.strip("|").split(".")
+    if len(words) > 1 and words[-1] in ("x", "y", "z"):
+        words.pop()
+    last = words[-1].rpartition("_")[2]
+    if last in ("energy", "power"):
+        return last
+    return words[-1].replace("_", " ") if len(words) > 1 else _OF_ONE_WORD.get(unit, name)
 
 
 def parameter_of(key: str) -> str:
@@ -296,9 +327,10 @@ def of_model(d: Described, values: Iterable[float] | Mapping[str, float], **opti
 
 def converted(variables: Iterable[Variable], units: Mapping[str, tuple[str, float]]) -> tuple[Variable, ...]:
     """Return outputs with their values in other units; these are of the form of :func:`converters`."""
+    in_units = ((v, *shown_in(v.name, v.unit, units)) for v in variables)
     return tuple(
-        replace(v, unit=units[v.unit][0], values=v.values / units[v.unit][1]) if v.unit in units else v
-        for v in variables
+        v if size == 1.0 and unit == v.unit else replace(v, unit=unit, values=v.values / size)
+        for v, unit, size in in_units
     )
 
 

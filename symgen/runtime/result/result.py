@@ -30,6 +30,7 @@ from symgen.runtime.result.records import (
     found,
     labelled,
     plain,
+    quantity_of,
     unknown,
 )
 
@@ -193,8 +194,10 @@ class Result(Findings, Pictures):
         return converted(self.variables, self.units)
 
     def panel(self, variable: Variable) -> str:
-        """Return the panel of a plot that an output is drawn in, named by its axis label."""
-        return variable.unit
+        """Return the panel of a plot for an output: its quantity and unit, which label the axis."""
+        name, shown = variable.name, variable.unit
+        unit = next((si for si, (text, _) in self.units.items() if text == shown), shown)
+        return quantity_of(name, unit) + ("" if shown == "1" else f" [{shown}]")
 
     @property
     def headline(self) -> str:

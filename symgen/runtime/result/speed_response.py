@@ -8,8 +8,7 @@ import numpy as np
 
 from symgen.calls import checked
 from symgen.runtime.arrays import Array
-from symgen.runtime.result.elastic import is_stable, panel_by_kind
-from symgen.runtime.result.records import Variable
+from symgen.runtime.result.elastic import is_stable
 from symgen.runtime.result.result import Result
 
 
@@ -29,10 +28,6 @@ class SpeedResponse(Result):
     def speeds(self) -> Array:
         """The crank speeds [rad/s]."""
         return self.coordinate.values
-
-    def panel(self, variable: Variable) -> str:
-        """Return the panel of an output in plots: multipliers and strains have separate panels."""
-        return panel_by_kind(variable)
 
     @property
     def first_critical(self) -> float:

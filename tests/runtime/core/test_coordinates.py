@@ -136,7 +136,7 @@ def test_loops_are_in_si_and_shown_in_the_units_of_the_scene(tmp_path):
     turn.save(tmp_path / "turn.npz")
     again = symgen.load_result(tmp_path / "turn.npz")
     assert [v.unit for v in again.shown] == [v.unit for v in turn.shown]
-    assert [axis.get_ylabel() for axis in turn.plot("S4.rate").axes] == ["in/s"]
+    assert [axis.get_ylabel() for axis in turn.plot("S4.rate").axes] == ["rate\n[in/s]"]
 
 
 def test_the_free_coordinates_of_a_loop_end_in_si():

@@ -316,9 +316,10 @@ def test_plot(result, tmp_path):
     assert (tmp_path / "run.png").stat().st_size > 10_000
     with pytest.raises(ResultError, match="holds no 'Z'"):
         result.plot("Z")
-    assert result.plot("time").axes[0].get_ylabel() == "s"
+    assert result.plot("time").axes[0].get_ylabel() == "time\n[s]"
     of_points, energy = result.plot(["A", "energy"]).axes
-    assert of_points.get_legend() and not energy.get_legend() and energy.get_title("left") == "energy"
+    assert len(of_points.get_legend().get_texts()) == len(of_points.lines) > 1
+    assert [text.get_text() for text in energy.get_legend().get_texts()] == ["energy"]
     low, high = energy.get_ylim()  # drift is not magnified
     assert np.ptp(result["energy"].values) < 1e-6 * result.drift.energy_exchanged < 1e-5 * (high - low)
 
@@ -327,7 +328,8 @@ def test_plot(result, tmp_path):
 def test_a_plot_without_selected_outputs_has_few_curves_that_vary_and_efforts_first(scene):
     result = symgen.build(scene).inverse_dynamics(samples=19)
     panels = result.plot().axes
-    assert panels[0].get_ylabel() in ("N*m", "lbf*in") and panels[1].get_ylabel() in ("N", "lbf")
+    units = [panel.get_ylabel().partition("\n")[2] for panel in panels]
+    assert units[0] in ("[N*m]", "[lbf*in]") and {"[N]", "[lbf]"} & {*units[1:3]}
     curves = {line.get_label(): line.get_ydata() for panel in panels for line in panel.lines}
     assert max(len(panel.lines) for panel in panels) <= 8
     assert all(np.ptp(values) > 1e-6 for values in curves.values())
@@ -349,6 +351,11 @@ def test_a_plot_over_an_output_with_curves_of_another_result(result):
         assert x.tolist() == of["A.position.y"].values.tolist()
         assert y.tolist() == of["A.position.x"].values.tolist()
     assert there.get_label() == "A.position.x, slow" and there.get_linestyle() == "--"
+    assert there.get_color() != here.get_color()
+    assert [text.get_text() for text in panel.get_legend().get_texts()] == [
+        "A.position.x",
+        "A.position.x, slow",
+    ]
     with pytest.raises(ResultError, match="choose of A.position.x, A.position.y"):
         result.plot(over="A.position")
     (axes,) = result.plot(xy="A", compare={"slow": slow}).axes
