@@ -12,7 +12,7 @@ from rich.console import Console
 from symgen.report.extremes import Components
 from symgen.report.tables import MODES, events_table, print_notes, table
 from symgen.runtime.result.elastic import ElasticResult
-from symgen.runtime.result.modes import ElasticModes
+from symgen.runtime.result.modes import COARSE, ElasticModes
 from symgen.runtime.result.speed_response import SpeedResponse
 
 #: Maximum number of times for which every value is printed; otherwise the range.
@@ -22,12 +22,17 @@ _UNDAMPED = 1e-12
 
 
 def print_elastic_modes(poses: Sequence[ElasticModes], model: Any, console: Console) -> None:
-    """Print the natural frequencies in each pose, exact and with model reduction, in columns."""
+    """Print the natural frequencies in each pose, exact and with model reduction, in columns.
+
+    Those with errors by elements above 5 % in all poses are omitted, others with such errors are marked.
+    """
     moving = any(len(p.growth) for p in poses)
     head, columns = ["mode"], []
     for p in poses:
         head.append(f"{p.pose} [Hz]")
-        columns.append([f"{x:.6g}" for x in p.frequencies])
+        columns.append(
+            [f"{x:.6g}{'*' if bad else ''}" for x, bad in zip(p.frequencies, p.coarse, strict=True)]
+        )
         if np.any(p.ratios):
             head.append("damping ratio")
             columns.append([_damped(x) for x in p.ratios])
@@ -41,12 +46,18 @@ def print_elastic_modes(poses: Sequence[ElasticModes], model: Any, console: Cons
             head.append(f"error of reducing {p.without_reduction[1]} unknowns")
             columns.append([f"{x:.1e}" for x in p.errors])
     count = max(len(c) for c in columns)
-    rows = [(str(i + 1), *(c[i] if i < len(c) else "" for c in columns)) for i in range(min(count, MODES))]
+    coarse = [i for i in range(count) if all(p.coarse[i : i + 1].all() for p in poses)]
+    listed = [i for i in range(count) if i not in coarse][:MODES]
+    rows = [(str(i + 1), *(c[i] if i < len(c) else "" for c in columns)) for i in listed]
     state = "in motion" if moving else "at rest"
     console.print(table(f"{model.description.title}: the structure {state}", head, rows))
-    if count > MODES:
+    console.print(f"elements: {', '.join(f'{link} {n}' for link, n in poses[0].elements.items())}")
+    if any(p.coarse[listed].any() for p in poses if len(p.coarse) == count):
+        console.print(f"* error of elements above {100 * COARSE:g} %")
+    if more := count - len(listed):
         highest = max(float(np.max(p.frequencies)) for p in poses)
-        console.print(f"and {count - MODES} more modes up to {highest:.6g} Hz: --json lists all")
+        wrong = f", {len(coarse)} of them with errors of elements above {100 * COARSE:g} %" if coarse else ""
+        console.print(f"and {more} more modes up to {highest:.6g} Hz{wrong}: --json lists all")
 
 
 def _rpm(speed: float, digits: int) -> str:

@@ -48,7 +48,9 @@ def modes_with_errors(motion: ElasticMotion, t: float, moving: bool) -> ElasticM
             return np.zeros(0)
         return relative(exact.frequencies[:count], fine[:count])
 
-    return modes if len(exact.frequencies) > _REFINED else replace(modes, estimate=of_elements)
+    estimate = None if len(exact.frequencies) > _REFINED else of_elements
+    elements = {beam.info.link: beam.info.elements for beam in (whole or motion).beams}
+    return replace(modes, estimate=estimate, elements=elements)
 
 
 def elastic_modes(motion: ElasticMotion, equations: _beams.BeamEquations, t: float) -> ElasticModes:

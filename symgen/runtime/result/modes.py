@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 from symgen.calls import checked
 from symgen.errors import ModelError, nearest
 from symgen.runtime.arrays import Array
+
+#: Error by elements above which a frequency is not to be trusted.
+COARSE = 0.05
 
 
 def relative(values: Array, exact: Array) -> Array:
@@ -47,6 +50,8 @@ class ElasticModes:
     ratios
         Damping of each mode at rest over its critical damping, without coupling of modes; zero for rigid
         modes. The ``damping.ratio`` of a link refers to modes of the link with free ends.
+    elements
+        Number of elements of each elastic link, before a reduction.
     """
 
     name: str
@@ -60,6 +65,7 @@ class ElasticModes:
     rigid: int = 0
     ratios: Array = field(default_factory=lambda: np.zeros(0))
     t: float | None = None
+    elements: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def pose(self) -> str:
@@ -85,6 +91,13 @@ class ElasticModes:
         return self.estimate() if self.estimate else np.zeros(0)
 
     @property
+    def coarse(self) -> NDArray[np.bool_]:
+        """Whether the error of each frequency by elements exceeds 5 %; False where it is unknown."""
+        exceeds = np.zeros(len(self.frequencies), dtype=bool)
+        exceeds[: len(self.errors_of_elements)] = np.abs(self.errors_of_elements) > COARSE
+        return exceeds
+
+    @property
     def errors(self) -> Array:
         """Relative errors of frequencies by the reduction of links; empty if no link is reduced.
 
@@ -101,6 +114,7 @@ class ElasticModes:
             "scene": self.name,
             "analysis": "modes",
             **({"angle": self.angle} if self.t is None else {"t": self.t}),
+            "elements": dict(self.elements),
             "unknowns": len(self.frequencies),
             "frequencies_hz": self.frequencies.tolist(),
         }

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import json
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import shared.elastic_scenes as bars
+from rich.console import Console
 from shared.full import full_unless
 from shared.in_numpy import build
 from typer.testing import CliRunner
@@ -15,6 +19,7 @@ from typer.testing import CliRunner
 import symgen
 from symgen.cli import app
 from symgen.errors import ModelError
+from symgen.report.elastic import print_elastic_modes
 from symgen.runtime.beams.modal.structure import modes_at_rest
 
 #: sqrt(E I / rho A) / L^2 [rad/s] of the bar of the scenes.
@@ -161,6 +166,33 @@ def test_frequencies_have_the_error_of_their_elements(tmp_path, reduction):
     assert found.errors_of_elements[:3] == pytest.approx(truth, rel=0.1)  # halved, 1/16 of it remains
     assert truth[2] > 1e-2 and len(found.errors_of_elements) == len(found.frequencies)
     assert found.summary()["errors_of_elements"] == found.errors_of_elements.tolist()
+
+
+def test_frequencies_of_too_few_elements_are_marked_and_not_listed(tmp_path):
+    """A pinned bar of two cubic elements: frequencies (i pi)^2 sqrt(E I / rho A) / L^2 of bending."""
+    model = bars.pinned(tmp_path, ', element = "cubic", elements = 2, axial = false')
+    found = model.modes()
+    truth = bending(found, 4) / ((np.pi * np.arange(1, 5)) ** 2 * BENT) - 1
+    assert truth[0] < 0.01 and truth[1] > 0.1  # below and above 5 %
+    assert found.coarse.tolist() == (truth > 0.05).tolist() == [False, True, True, True]
+    assert found.elements == {"bar": 2} == found.summary()["elements"]
+    console = Console(width=100, file=io.StringIO())
+    print_elastic_modes([found], model, console)
+    printed = console.file.getvalue()
+    assert f"{found.frequencies[0]:.6g}" in printed and f"{found.frequencies[1]:.6g}" not in printed
+    assert "3 more modes" in printed and "3 of them with errors of elements above 5 %" in printed
+    assert "elements: bar 2" in printed
+
+
+def test_frequencies_that_are_wrong_in_one_pose_are_marked(tmp_path):
+    found = bars.pinned(tmp_path, ', element = "cubic", elements = 2, axial = false').modes()
+    other = replace(found, estimate=lambda: np.array([0.0, 0.0, 1.0, 1.0]))
+    console = Console(width=100, file=io.StringIO())
+    print_elastic_modes([found, other], SimpleNamespace(description=SimpleNamespace(title="bar")), console)
+    rows = [line.split() for line in console.file.getvalue().splitlines() if line[:1].isdigit()]
+    assert [row[0] for row in rows] == ["1", "2"]
+    assert [row[1].endswith("*") for row in rows] == [False, True]
+    assert "* error of elements above 5 %" in console.file.getvalue()
 
 
 def test_reductions_say_how_small_and_how_wrong_they_are(tmp_path):

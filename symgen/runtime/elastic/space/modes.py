@@ -46,4 +46,5 @@ def modes_of(linkage: LinkageInSpace, t: float) -> ElasticModes:
         rigid=rigid,
         ratios=np.divide(damped, 2 * speeds, out=np.zeros_like(speeds), where=speeds > 0.0),
         t=t,
+        elements={link.info.link: len(link.elements) for link in linkage.links},
     )
