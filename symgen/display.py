@@ -12,11 +12,29 @@ from typing import Any
 _DRAWN_BY = {
     "animate": "symgen.inspection.film",
     "draw": "symgen.inspection.film",
+    "still": "symgen.inspection.film",
     "moving_html": "symgen.inspection.film",
+    "table_of": "symgen.methods",
     "plot": "symgen.report.page.plots",
     "result_html": "symgen.report.page.notebook",
     "model_html": "symgen.report.page.notebook",
+    "record_html": "symgen.report.page.notebook",
+    "optimum_html": "symgen.report.page.notebook",
 }
+
+
+class Shown:
+    """A record of an analysis, which notebooks show with the tables of the command line."""
+
+    __slots__ = ("_analysis",)
+
+    def of_analysis(self, model: Any, verb: str) -> None:
+        """Set the model, and the name of its analysis, whose table shows the record."""
+        object.__setattr__(self, "_analysis", (model, verb))
+
+    def _repr_html_(self) -> str | None:
+        analysis = getattr(self, "_analysis", None)
+        return display("record_html", self, *analysis) if analysis else None
 
 
 def display(name: str, *arguments: Any, **options: Any) -> Any:

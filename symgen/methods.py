@@ -7,7 +7,7 @@ importing this module costs nothing. A new method is a new row.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -262,6 +262,12 @@ def method_of(subject: Any) -> Method:
     name = subject.method
     check_known(name, METHODS, "there is no method")
     return METHODS[name]
+
+
+def table_of(model: Any, verb: str) -> Callable[[Any, Any, Any], None]:
+    """Return the function that prints the result of an analysis of a model: result, model and console."""
+    printer: Callable[[Any, Any, Any], None] = load(method_of(model).commands[verb].table)
+    return printer
 
 
 def further_of(resolved: Any) -> dict[str, Any]:

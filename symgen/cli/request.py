@@ -13,7 +13,7 @@ import typer
 from symgen.cli.common import changes, command, console, print_json, progress_bar, saved_on_failure, wrote
 from symgen.cli.options import DEFAULTS, OF_ANALYSES
 from symgen.errors import ArgumentError, ModelError, OptionsError
-from symgen.methods import load, method_of
+from symgen.methods import load, method_of, table_of
 
 #: Options that decide how kernels are compiled, and all others that are not arguments of an analysis.
 _TYPES = ("precision", "digits", "contraction", "vector")
@@ -199,4 +199,4 @@ class CommandRequest:
 
             print_json({"scene": self.model.name, **with_averages(result)})
         else:
-            load(method_of(self.model).commands[verb].table)(result, self.model, console())
+            table_of(self.model, verb)(result, self.model, console())

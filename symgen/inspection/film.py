@@ -115,6 +115,21 @@ def animate(result: Result, file: str | os.PathLike[str] | None, frames: int) ->
     return film
 
 
+def still(model: Any) -> tuple[Sheet, list[tuple[str, str]]]:
+    """Return the drawing of a model at its start, and facts: its freedoms and its outputs.
+
+    Raises
+    ------
+    SymgenError
+        For a model without a scene or without a picture.
+    """
+    of = _drawn(model.source.scene)
+    facts = [(fact.name, fact.value) for fact in of.view.facts(of.resolved, model)]
+    sketch = of.view.sketch(of.resolved, model, None)
+    sheet = Sheet(model.description.title, [sketch], {}, of.view.unit(of.resolved))
+    return sheet, [*facts, ("outputs", ", ".join(of.plotted))]
+
+
 def moving_html(result: Result) -> str:
     """Return the animation of a result for a page that has its curves; nothing if it has none."""
     try:

@@ -163,9 +163,9 @@ def plot_chart(chart: Any, file: str | os.PathLike[str] | None = None) -> Figure
     ResultError
         If the file cannot be written.
     """
-    from matplotlib.figure import Figure
+    from symgen.report.picture import Picture
 
-    figure = Figure(figsize=(WIDTH, 6), layout="constrained")
+    figure = Picture(figsize=(WIDTH, 6), layout="constrained")
     panels = figure.subplots(2, 1, sharex=True)
     (length, per_length), (angle, per_angle) = _of_links(chart), _shown_in(chart)[1]
     _, size = _unit_of(chart, chart.unit)

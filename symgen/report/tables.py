@@ -51,7 +51,7 @@ class _Fitted:
         keys: int,
         apart: int,
     ) -> None:
-        self._columns, self._rows, self._texts, self._keys, self._apart = columns, rows, texts, keys, apart
+        self.columns, self.rows, self._texts, self._keys, self._apart = columns, rows, texts, keys, apart
         by_column = [[row[i] for row in rows] for i in range(len(columns))]
         self._widths = [max(map(cell_len, (head, *of))) for head, of in zip(columns, by_column, strict=True)]
         self._least = [self._narrowest(i, of) for i, of in enumerate(by_column)]
@@ -59,7 +59,7 @@ class _Fitted:
     def _narrowest(self, i: int, cells: Sequence[str]) -> int:
         """Return the least width of a column: its longest number or word, and some text."""
         text = i in self._texts
-        words = [word for line in (self._columns[i], *(cells if text else ())) for word in line.split()]
+        words = [word for line in (self.columns[i], *(cells if text else ())) for word in line.split()]
         longest = max(map(cell_len, (*words, *(() if text else cells))), default=0)
         return max(longest, min(self._widths[i], _TEXT)) if text else longest
 
@@ -67,7 +67,7 @@ class _Fitted:
         for block in self._blocks(options.max_width):
             table = Table(
                 header_style="bold",
-                show_header=any(self._columns),
+                show_header=any(self.columns),
                 box=SIMPLE_HEAD,
                 show_edge=False,
                 pad_edge=False,
@@ -75,8 +75,8 @@ class _Fitted:
             )
             for i, width in zip(block, self._shares(block, options.max_width), strict=True):
                 justify: Literal["left", "right"] = "left" if i in self._texts else "right"
-                table.add_column(Text(self._columns[i]), justify=justify, overflow="fold", width=width)
-            for row in self._rows:
+                table.add_column(Text(self.columns[i]), justify=justify, overflow="fold", width=width)
+            for row in self.rows:
                 table.add_row(*(Text(row[i]) for i in block))
             yield table
 
@@ -94,7 +94,7 @@ class _Fitted:
 
     def _blocks(self, width: int) -> list[list[int]]:
         """Return the columns of the fewest blocks that fit a width, of about as many columns each."""
-        keys, count = [*range(self._keys)], len(self._columns)
+        keys, count = [*range(self._keys)], len(self.columns)
         if self._apart and self._total(range(count), self._least) > width:
             parts = [range(self._keys, count - self._apart), range(count - self._apart, count)]
         else:

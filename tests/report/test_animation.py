@@ -184,7 +184,7 @@ def test_a_method_without_a_moving_picture_is_refused_by_name():
 
 def test_the_command_writes_a_page(tmp_path, monkeypatch, entry):
     monkeypatch.chdir(tmp_path)
-    assert entry("animate", "crank_rocker", "--samples", "5")[:2] == (0, "crank_rocker_moving.html\n")
+    assert entry("animate", "crank_rocker", "--samples", "5")[:2] == (0, "wrote crank_rocker_moving.html\n")
     assert (tmp_path / "crank_rocker_moving.html").stat().st_size < 100_000
     code, out, said = entry("animate", "crank_rocker", "--out", "page.png")
     assert (code, out) == (2, "") and ".html" in said
@@ -195,14 +195,16 @@ def test_a_mode_of_a_strip_is_that_of_a_cantilever():
     film = film_of_mode(read_scene("rotating_cantilever"), 2, None, 9)
     b = 4.694091132974175
     s = (np.cosh(b) + np.cos(b)) / (np.sinh(b) + np.sin(b))
-    x = b * np.linspace(0.0, 1.0, 9)
-    shape = np.cosh(x) - np.cos(x) - s * (np.sinh(x) - np.sin(x))
     strips = np.array([next(k.at for k in one.lines if k.kind == "elastic") for one in film.sketches])
+    count = strips.shape[1]
+    assert count > 16  # places on the shape functions, between which pages draw a smooth curve
+    x = b * np.linspace(0.0, 1.0, count)
+    shape = np.cosh(x) - np.cos(x) - s * (np.sinh(x) - np.sin(x))
     phases = np.cos(np.linspace(0.0, 2 * np.pi, 9))
     tip = strips[0, -1, 1]
     assert strips[:, :, 1] == pytest.approx(tip * phases[:, None] * shape / shape[-1], abs=2e-3 * abs(tip))
-    assert np.ptp(strips[:, :, 0], axis=0) == pytest.approx(np.zeros(9), abs=1e-12)
-    bow = strips[0, :, 1] - np.linspace(0.0, tip, 9)
+    assert np.ptp(strips[:, :, 0], axis=0) == pytest.approx(np.zeros(count), abs=1e-12)
+    bow = strips[0, :, 1] - np.linspace(0.0, tip, count)
     assert max(abs(tip), np.max(np.abs(bow))) == pytest.approx(0.08 * strips[0, -1, 0])  # of the length
     found = symgen.build("rotating_cantilever").modes().frequencies[1]
     assert f"Mode 2 of 16, {found:.6g} Hz" in film.caption
@@ -308,6 +310,6 @@ def test_elastic_links_in_space_bend_by_magnified_deflections():
         ends = [run[f"{p}.position"].values[k] for p in "AP"]
         off = run["mid.position"].values[k] - np.mean(ends, axis=0)
         # Both runs have steps of their own, for stresses within 1 %.
-        assert curve[4] == pytest.approx(np.mean(ends, axis=0) + times * off, abs=2e-4)
+        assert curve[len(curve) // 2] == pytest.approx(np.mean(ends, axis=0) + times * off, abs=2e-4)
         largest = max(largest, np.linalg.norm(off) * times)
     assert 0.01 < largest < 0.08 * 0.45

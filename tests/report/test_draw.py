@@ -169,7 +169,7 @@ def test_what_cannot_be_drawn_is_refused(tmp_path, monkeypatch):
 def test_the_command_draws(tmp_path, monkeypatch, entry):
     monkeypatch.chdir(tmp_path)
     command = ("draw", "crank_rocker", "--at", "60 deg", "--at", "0.5 rad", "--of", "B", "--out", "b.dxf")
-    assert entry(*command)[:2] == (0, "b.dxf\n")
+    assert entry(*command)[:2] == (0, "wrote b.dxf\n")
     document = ezdxf.readfile(tmp_path / "b.dxf")
     centres = [np.array(c.dxf.center)[:2] for c in document.modelspace().query('CIRCLE[layer=="JOINTS"]')]
     expected = [point for angle in (math.pi / 3, 0.5) for point in four_bar(angle)]

@@ -138,3 +138,9 @@ def test_notebooks_have_white_paper(slider):
 
     assert "prefers-color-scheme" in svg() and "prefers-color-scheme" not in svg(schemes=False)
     assert "#ffffff" in svg(schemes=False) and "#ffffff" not in svg()
+
+
+def test_notebooks_show_plots_as_pictures():
+    figure = symgen.build("four_bar").simulate(0.1, samples=3).plot("energy")
+    assert figure._repr_png_().startswith(b"\x89PNG")
+    assert plot_sweep(_sweep(), "F.peak")._repr_png_().startswith(b"\x89PNG")

@@ -1,18 +1,25 @@
-"""Notebook representations of models and results, and facts of a run as names and values."""
+"""What notebooks show of models, results and records of analyses."""
 
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Group
 
 from symgen.display import display
+from symgen.errors import SymgenError
 from symgen.report.page.figures import run_figure
+from symgen.report.page.study import print_study
+from symgen.report.sweeps import optimum_study
 from symgen.runtime.result.result import Result
 from symgen.symbolic.system import html_table
 
 if TYPE_CHECKING:
     from symgen.runtime.model.compiled import Compiled
+    from symgen.runtime.sweeps.optimisation import Optimum
 
 
 #: A result that took longer [s] does not move by itself in a notebook, since its analysis is repeated.
@@ -20,12 +27,51 @@ QUICK = 1.0
 
 
 def model_html(model: Compiled) -> str:
-    """Return a table of a model's kernels with their operation counts, and of its tunable parameters."""
-    d = model.description
-    rows = [(name, str(counts["flops"])) for name, counts in model.operations.items()]
+    """Return a drawing of a model, its freedoms, outputs and parameters, and operations of its kernels."""
+    d, drawing, facts = model.description, "", list[tuple[str, str]]()
+    with suppress(SymgenError):
+        sheet, facts = display("still", model)
+        drawing = sheet.svg()
     tunable = [(p.name, f"{model.parameters[p.name]:g} {p.unit}", p.about) for p in d.tunable]
-    kernels = html_table(f"{d.title}: {model.backend} backend", ("kernel", "operations"), rows)
-    return kernels + (html_table("Tunable", ("parameter", "value", "meaning"), tunable) if tunable else "")
+    kernels = [(name, str(counts["flops"])) for name, counts in model.operations.items()]
+    parts = [
+        drawing,
+        html_table(d.title, ("", ""), [*facts, ("backend", model.backend)]),
+        html_table("Parameters", ("parameter", "value", "meaning"), tunable) if tunable else "",
+        f"<details><summary>Kernels</summary>{html_table('', ('kernel', 'operations'), kernels)}</details>",
+    ]
+    return "".join(parts)
+
+
+def record_html(record: Any, model: Any, verb: str) -> str:
+    """Return what the command line prints of the record of an analysis."""
+    printed: Any = _Printed()
+    display("table_of", model, verb)([record] if verb == "modes" else record, model, printed)
+    return "".join(printed.parts)
+
+
+def optimum_html(optimum: Optimum) -> str:
+    """Return the tables of an optimum; its objective is the first quantity with a unit."""
+    printed: Any = _Printed()
+    print_study(optimum_study(optimum, next(iter(optimum.units))), printed)
+    return "".join(printed.parts)
+
+
+class _Printed:
+    """What functions print on a terminal, as HTML."""
+
+    def __init__(self) -> None:
+        self.parts: list[str] = []
+
+    def print(self, *parts: Any) -> None:
+        """Take over tables and lines of text."""
+        for part in parts:
+            if isinstance(part, Group):
+                renderables: list[Any] = [*part.renderables]
+                *title, cells = renderables
+                self.parts.append(html_table("".join(map(str, title)), cells.columns, cells.rows))
+            else:
+                self.parts.append(f"<p>{escape(str(part))}</p>")
 
 
 def result_html(result: Result) -> str:

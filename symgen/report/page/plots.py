@@ -94,10 +94,10 @@ def figure_of(
     samples: int | None = None,
 ) -> Figure:
     """Draw panels of outputs by their labels, each with a legend; with about ``samples`` points per curve."""
-    from matplotlib.figure import Figure
+    from symgen.report.picture import Picture
 
     labels = list(chosen)
-    figure = Figure(figsize=(WIDTH, 0.9 + _PANEL * len(labels)), layout="constrained")
+    figure = Picture(figsize=(WIDTH, 0.9 + _PANEL * len(labels)), layout="constrained")
     panels = dict(zip(labels, figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0], strict=True))
     for ending, source, style in _curves(result, compare or {}):
         along, words = _along(source, over)
@@ -179,13 +179,13 @@ def _path(
     result: Result, name: str, file: str | os.PathLike[str] | None, compare: Mapping[str, Result]
 ) -> Figure:
     """Plot the y of an output over its x, such as the path of a point; a dot marks the start."""
-    from matplotlib.figure import Figure
+    from symgen.report.picture import Picture
 
     known = [v.name for v in result.variables]
     variable = _shown(result, f"{name}.position" if f"{name}.position" in known else name)
     if len(variable.components) < 2:
         raise ResultError(f"expected a point or an output with components x and y for xy, got {name!r}")
-    figure = Figure(figsize=(7, 7), layout="constrained")
+    figure = Picture(figsize=(7, 7), layout="constrained")
     axes = figure.subplots()
     for label, source, style in _curves(result, compare):
         x, y = _in_units_of(result, source, variable).values.T[:2]

@@ -76,7 +76,8 @@ def plot(runs: xarray.Dataset, *names: str, file: str | os.PathLike[str] | None 
         If there is no such output, or the file cannot be written.
     """
     from matplotlib import rcParams
-    from matplotlib.figure import Figure
+
+    from symgen.report.picture import Picture
 
     known = outputs_of(runs)
     histories = [name for name in histories_of(runs) if name in names or not names]
@@ -92,7 +93,7 @@ def plot(runs: xarray.Dataset, *names: str, file: str | os.PathLike[str] | None 
     chosen = list(names) or [name for name in known if not name.endswith("_drift")]
     varied = [p for p in parameters_of(runs) if len(np.unique(runs[p].values)) > 1] or parameters_of(runs)
     x = varied[0]
-    figure = Figure(figsize=(_WIDTH, 1.0 + 2.6 * len(chosen)), layout="constrained")
+    figure = Picture(figsize=(_WIDTH, 1.0 + 2.6 * len(chosen)), layout="constrained")
     for panel, name in zip(figure.subplots(len(chosen), 1, squeeze=False)[:, 0], chosen, strict=True):
         values = values_of(runs, name)
         label = label_of(runs, name)
@@ -131,10 +132,10 @@ def _ended_early(runs: xarray.Dataset) -> NDArray[np.bool_]:
 
 def plot_front(front: xarray.Dataset) -> Figure:
     """Plot the second objective over the first."""
-    from matplotlib.figure import Figure
+    from symgen.report.picture import Picture
 
     first, second = (str(name) for name in [*front.data_vars][:2])
-    figure = Figure(figsize=(_WIDTH, 3.2), layout="constrained")
+    figure = Picture(figsize=(_WIDTH, 3.2), layout="constrained")
     panel: Any = figure.subplots()
     panel.plot(values_of(front, first), values_of(front, second), marker="o")
     panel.set(xlabel=label_of(front, first), ylabel=label_of(front, second))
@@ -145,7 +146,8 @@ def plot_front(front: xarray.Dataset) -> Figure:
 def _curves(runs: xarray.Dataset, names: Sequence[str], file: str | os.PathLike[str] | None) -> Figure:
     """Draw histories: over their coordinate, or of points in the plane as an atlas of their paths."""
     from matplotlib import colormaps
-    from matplotlib.figure import Figure
+
+    from symgen.report.picture import Picture
 
     count = min(runs.sizes["run"], DRAWN)
     colours = colormaps["viridis"](np.linspace(*_READABLE, count))
@@ -157,7 +159,7 @@ def _curves(runs: xarray.Dataset, names: Sequence[str], file: str | os.PathLike[
     titles = _titles(runs)
     panels = len(names) - len(paths)
     across = min(_ACROSS, count)
-    figure = Figure(
+    figure = Picture(
         figsize=(_WIDTH, 0.6 + 2.6 * panels + 1.4 * len(paths) * -(-count // across)), layout="constrained"
     )
     heights = [1.4 * -(-count // across) if name in paths else 2.6 for name in names]

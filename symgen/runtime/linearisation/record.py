@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
+from symgen.display import Shown
 from symgen.errors import ModelError, OptionsError, SimulationError, check_known
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.arguments import reals
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 @checked
 @dataclass(frozen=True, slots=True)
-class Linearisation:
+class Linearisation(Shown):
     """d(dx)/dt = A dx + B du, dy = C dx + D du: deviations from a state of the mechanism, in SI units.
 
     Attributes
@@ -106,7 +107,7 @@ class Linearisation:
 
 @checked
 @dataclass(frozen=True, slots=True)
-class Sensitivity:
+class Sensitivity(Shown):
     """Derivatives of outputs by parameters, in SI units.
 
     Attributes

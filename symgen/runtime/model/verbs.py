@@ -11,6 +11,7 @@ from types import MethodType
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from symgen.calls import checked, raise_failure
+from symgen.display import Shown
 from symgen.errors import CapabilityError, ModelError
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -131,6 +132,8 @@ def _carry_out(model: Any, name: str, prepared: _Call) -> Any:
         # The caller may change arrays and states.
         arguments = {n: _kept(v) for n, v in arguments.items() if n not in _OUTSIDE}
         result._of_analysis(model, name, arguments)
+    elif isinstance(result, Shown):
+        result.of_analysis(model, name)
     return result
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
+from symgen.display import Shown
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
 from symgen.runtime.linearisation.eigenvalues import eigenvalues, oscillating
@@ -67,7 +68,7 @@ class Linearised:
 
 @checked
 @dataclass(frozen=True, slots=True)
-class Equilibrium:
+class Equilibrium(Shown):
     """A pose at rest in which all forces balance.
 
     Attributes
@@ -163,7 +164,7 @@ class Mode:
 
 @checked
 @dataclass(frozen=True, slots=True)
-class Modes:
+class Modes(Shown):
     """All small motions about an equilibrium: those that grow, the others by rising undamped frequency."""
 
     equilibrium: Equilibrium

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.calls import checked
+from symgen.display import Shown
 from symgen.errors import ModelError, nearest
 from symgen.runtime.arrays import Array
 
@@ -26,7 +27,7 @@ def relative(values: Array, exact: Array) -> Array:
 
 @checked
 @dataclass(frozen=True, repr=False)
-class ElasticModes:
+class ElasticModes(Shown):
     """Modes of the structure in one pose of its rigid links, by rising frequency.
 
     Attributes

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from symgen.display import display
 from symgen.errors import ModelError, RangeError, SimulationError, check_known, check_tunable, shown
 from symgen.runtime.arrays import Array
 from symgen.runtime.sweeps.problem import OptimisationArguments, Problem, ReducedOutput
@@ -70,6 +71,9 @@ class Optimum:
         state = "converged" if self.converged else "not converged"
         values = ", ".join(f"{name} = {value:.6g}" for name, value in self.parameters.items())
         return f"<Optimum {self.objective:.6g} at {values}: {state}, {self.runs} runs>"
+
+    def _repr_html_(self) -> str:
+        return display("optimum_html", self)
 
     def summary(self) -> dict[str, Any]:
         """Return all but the model as plain data."""
