@@ -119,7 +119,7 @@ def test_set_takes_lists_as_they_stand_in_the_file(tmp_path, entry):
 def test_animate_a_mode(tmp_path, entry):
     file = tmp_path / "mode.html"
     done = call("animate", "elastic_four_bar", "--mode", "1", "--at", "60", "--samples", "5", "--out", file)
-    assert done == f"{file}\n" and "Mode 1 of 10" in file.read_text()
+    assert done == f"wrote {file}\n" and "Mode 1 of 10" in file.read_text()
     code, _, said = entry("animate", "four_bar", "--at", "60", "--out", file)
     assert code == 2 and said == "symgen: --at selects the pose of a mode: give --mode N\n"
 
