@@ -299,7 +299,7 @@ def _typed(text: SceneText, tools: BuildSettings, base: Described, lanes: bool, 
     target = replace(tools, compiler=None) if tools.digits else tools.of_lanes if lanes else tools
 
     def described(program: Program, equations: str) -> Described:
-        from symgen.runtime.kernels.description import kernel_infos
+        from symgen.pipeline.analysis import kernel_infos
 
         # With more digits, other constants may be equal.
         return replace(base, equations=equations, kernels=kernel_infos(program.kernels))

@@ -103,7 +103,8 @@ def with_pose(system: System, description: LoopDescription, library: Library) ->
 
 def _common(resolved: Linkage | Loop, program: Program, equations: str) -> dict[str, Any]:
     """Return the fields common to the descriptions of all methods."""
-    from symgen.runtime.kernels.description import ParameterInfo, kernel_infos
+    from symgen.pipeline.analysis import kernel_infos
+    from symgen.runtime.kernels.description import ParameterInfo
     from symgen.scene.rods.linkage import number
 
     return {
@@ -171,11 +172,12 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
     lacking = program.series[0].lacking if program.series else ()
     slots = {name: slots for name, _, slots in program.groups}
     multipliers = [s for s in slots["work"] if s.name.endswith("_lambda")]
+    integrals = {s.integral for s in linkage.states}
     return Description(
         **_common(linkage, program, equations),
         axes=linkage.axes,
         points=tuple(p.name for p in linkage.points),
-        free=tuple(dict.fromkeys(s.name.rpartition("_")[0] for s in slots["q"])),
+        free=tuple(dict.fromkeys(s.name.rpartition("_")[0] for s in slots["q"] if s.name not in integrals)),
         ground=tuple(p.name for p in linkage.points if p.ground),
         links={k.name: [k.start, k.end, *(p.name for p in k.carried)] for k in linkage.links},
         constraints=tuple(s.name.removesuffix("_lambda") for s in multipliers),
@@ -212,6 +214,7 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
             if is_lug(k)
         },
         drawn=sum(not p.hidden for p in linkage.points),
+        states={s.name: s.units[0] for s in linkage.states},
     )
 
 

@@ -124,7 +124,7 @@ def _element(name: str, tools: BuildSettings) -> SystemModel:
 
 
 def _described(file: str, program: Program, equations: str) -> SystemDescription:
-    from symgen.runtime.kernels.description import kernel_infos
+    from symgen.pipeline.analysis import kernel_infos
     from symgen.runtime.kernels.system_description import ArrayInfo, SystemDescription
 
     def info(about: str, slots: tuple[Slot, ...]) -> ArrayInfo:

@@ -43,7 +43,8 @@ def print_linearisation(linearisation: Linearisation, model: Any, console: Conso
             console.print(table(name, ("", "", *columns), entries, texts=(1,), keys=2))
     poles = [f"{s.real:.6g}{s.imag:+.6g}i" for s in _without_round_off(linearisation.poles).tolist()]
     console.print(f"poles [1/s]: {', '.join(poles)}")
-    coordinates, freedoms = len(linearisation.states) // 2, linearisation.freedoms
+    coordinates = sum(name.endswith("'") for name in linearisation.states)
+    freedoms = linearisation.freedoms
     if freedoms < coordinates:
         if freedoms:
             text = "the poles include deviations that violate constraints. Poles of independent coordinates "

@@ -623,7 +623,7 @@ cdef class Run:
         it: 0 to the first, and where the state is kept up to a node, at which the method starts anew; -1 for steps of
         the method's own choice.
     continues
-        The run goes on from its end by :meth:`step`; its present state is its only sample.
+        The run goes on from its end by :meth:`step` or :meth:`extend`.
     """
 
     cdef Integrable equations
@@ -673,8 +673,8 @@ cdef class Run:
         self.asked.samples, self.asked.found = times.shape[0], REMEMBERED * len(directions)
         self.asked.places_only, self.asked.nodes = places_only, 0 if nodes is None else nodes.shape[0]
         self.asked.continues = continues
-        if continues and (nodes is not None or times.shape[0] != 1):
-            raise ValueError("expected one sample and no nodes of a run that goes on from its end")
+        if continues and nodes is not None:
+            raise ValueError("expected no nodes of a run that goes on from its end")
         self.nodes = nodes
         if self.asked.nodes:
             self.counts = np.array(counts, "l")
@@ -778,8 +778,7 @@ cdef class Run:
             raise ValueError("expected a run that continues, and a time that advances it")
         if self.passages or self.events:
             self.passages, self.events = [], []
-        self.asked.t_end = end
-        self.of.api.run_extend(self.core, end)
+        self.extend(end)
         while status == _MORE:
             with nogil:
                 status = self.of.api.run_advance(self.core, STEPS_AT_ONCE)
@@ -790,6 +789,13 @@ cdef class Run:
         if FAILURES.errors:
             raise_failure()
         return status
+
+    def extend(self, double t_end):
+        """Move the end of a run that continues, from the present time on."""
+        if not (self.asked.continues and self.t <= t_end < INFINITY):
+            raise ValueError("expected a run that continues, and an end after the present time")
+        self.asked.t_end = t_end
+        self.of.api.run_extend(self.core, t_end)
 
     def restart(self, bint moves):
         """Start the method anew after a change of the equations' parameters; ``moves``: of those of constraints, onto
@@ -803,30 +809,39 @@ cdef class Run:
         self.asked.t0, self.asked.t_end, self.t_left = other.asked.t0, other.asked.t_end, other.t_left
         self.restore(*other.save())
 
+    cdef const double *_present(self, const void *rows, Py_ssize_t columns) except? NULL:
+        """Return the row of the present state, behind those of the samples; of runs in doubles."""
+        if self.of.api.real_bytes != sizeof(double):
+            raise ValueError("expected a run in doubles")
+        return <const double *>rows + self.asked.samples * columns
+
     def present(self):
-        """Return the present state, and record it as the only sample of a run that continues."""
-        if not self.asked.continues:
-            raise ValueError("expected a run that continues")
+        """Return the present state, references of angles in loads and continuous angles of links, of a run in doubles.
+
+        With choices of coordinates these are the state in the present ones, the choices, and the usual coordinates."""
+        cdef const sizes *of = &self.equations.core.sizes
         self.of.api.run_record(self.core)
-        self.recorded = 1
-        return self.state
+        return (self._doubles(self._present(self.of.api.run_samples(self.core), self.dim), 1, self.dim)[0],
+                self._doubles(self._present(self.of.api.run_references(self.core), of.windings), 1, of.windings)[0],
+                self._doubles(self._present(self.of.api.run_turns(self.core), of.turns), 1, of.turns)[0])
 
     def outputs(self, KernelEquations at, uintptr_t address, numbers, turning):
-        """Return the output of a kernel of doubles at the state of :meth:`present`, with one number more.
+        """Return the output of a kernel of doubles at the present state, with one number more.
 
         ``at`` are other equations of the same model, whose memory is used, ``numbers`` the sizes as in :func:`call`, and
         ``turning`` pairs of places of angles in the output and of continuous angles, nearest to which they are shifted
         by revolutions.
         """
         cdef const sizes *of = &self.equations.core.sizes
-        cdef const double *y = <const double *>self.of.api.run_samples(self.core)
-        cdef const double *turns = <const double *>self.of.api.run_turns(self.core)
+        cdef const double *y = self._present(self.of.api.run_samples(self.core), self.dim)
+        cdef const double *turns = self._present(self.of.api.run_turns(self.core), of.turns)
         cdef Py_ssize_t place, turn
         cdef double[::1] out = np.empty(numbers[5] + 1)
-        if not (self.of.api.real_bytes == at.of.api.real_bytes == sizeof(double) and at.core.sizes.parameters == of.parameters
+        if not (at.of.api.real_bytes == sizeof(double) and at.core.sizes.parameters == of.parameters
                 and at.core.sizes.derived == of.derived):
             raise ValueError("expected equations of the same model in doubles")
         _fits(numbers, 1, self.equations.n, self.dim - self.equations.n, of.parameters + of.derived + 1, at.n + at.m, numbers[5])
+        self.of.api.run_record(self.core)
         memcpy(at.core.p, self.equations.core.p, (of.parameters + of.derived + 1) * sizeof(double))
         if numbers[4]:
             at.core.of.accelerate(at.core, self.t, y)

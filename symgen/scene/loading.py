@@ -154,7 +154,7 @@ def load_scene(source: str | os.PathLike[str], set: Mapping[str, Any] | None = N
 
 
 #: Tables that a scene may leave out.
-_TABLES = ("analysis", "gravity", "start", "inputs", "parameters", "tables", "units")
+_TABLES = ("analysis", "gravity", "start", "inputs", "states", "parameters", "tables", "units")
 #: Tables of named values, which are set by the name alone.
 NAMED = ("parameters", "inputs")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from keyword import iskeyword
 
 from symgen.errors import SceneError
@@ -31,6 +32,8 @@ def check_names(scene: Scene) -> None:
     for name in scene.inputs:
         twice = f"{name!r} is a parameter already" if name in scene.parameters else ""
         _refuse(_word(name) or _quantity(name, scene) or twice, f"inputs.{name}")
+    for name in scene.states:
+        _refuse(_word(name) or _quantity(name, scene) or _state(name, scene), f"states.{name}")
     for name in scene.tables:
         kind = "a parameter" if name in scene.parameters else "an input" if name in scene.inputs else ""
         _refuse(_word(name) or (kind and f"{name!r} is {kind} already"), f"tables.{name}")
@@ -95,6 +98,17 @@ def _quantity(name: str, scene: Scene) -> str:
     if _numbered(name) or name.endswith("_lambda"):
         return f"{name!r} is reserved for a quantity of a spring or another load, or a multiplier"
     return ""
+
+
+def _state(name: str, scene: Scene) -> str:
+    """Return a complaint if a state is called as another part of the scene is, or its rate or integral."""
+    quantities = {**scene.parameters, **scene.inputs}
+    kinds: list[tuple[str, Collection[str]]] = [("a parameter", scene.parameters), ("an input", scene.inputs)]
+    for kind, known in (*kinds, ("a point", scene.points), ("a link", scene.links)):
+        if name in known:
+            return f"{name!r} is {kind} already"
+    taken = next((x for x in (f"{name}_rate", f"{name}_integral") if x in (*quantities, *scene.states)), "")
+    return f"{taken!r} is reserved for a quantity of the state {name}" if taken else ""
 
 
 def _rows(scene: Scene) -> set[str]:

@@ -143,9 +143,10 @@ class Values:
         used_names = [] if is_quantity(str(text)) else NAME.findall(str(text))
         with at(where):
             for used in used_names:
-                if used in self.scene.inputs and used not in known:
+                if used in (*self.scene.inputs, *self.scene.states) and used not in known:
+                    kind = "an input, and inputs" if used in self.scene.inputs else "a state, and states"
                     raise SceneError(
-                        f"{used} is an input, and inputs may occur in forces and torques alone",
+                        f"{used} is {kind} may occur in forces and torques alone",
                         hint="Make it a parameter, with tunable = true where it is to be varied.",
                     )
             expression = self.parsed.get((text, dim)) if names is None else None
@@ -256,6 +257,11 @@ class Reader(Values):
         self.points: dict[str, PlacedPoint] = {}
         self.take(scene)
         self.read_signals()
+        #: First-order states by name: their symbols in expressions.
+        self.states: dict[str, tuple[sp.Expr, Dimension]] = {}
+        for name, written in scene.states.items():
+            with at(f"states.{name}.start"):
+                self.states[name] = state_symbol(f"{name}.state"), parse_any(written.start, self.names)[1]
 
     def take(self, scene: Scene) -> None:
         """Read further tables from this scene, which differs in points, links and welds alone."""
@@ -269,7 +275,7 @@ class Reader(Values):
 
         A name of the state stands for a symbol that is called like it, with the load's own name for ``this``.
         """
-        names = {**self.with_time, **self.signals}
+        names = {**self.with_time, **self.signals, **self.states}
         for point in self.scene.points:
             for axis in AXES[: self.dimension]:
                 names[f"{point}.{axis}"] = state_symbol(f"{point}.{axis}"), units.LENGTH

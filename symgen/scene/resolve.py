@@ -123,6 +123,7 @@ def _linkage(scene: Scene) -> Linkage:
         modal_damping=modal_damping(read),
         stations=tuple(stations(read, links, elastic)),
         events=tuple(events(read)),
+        states=tuple(loads.states(read)),
         kinematic=scene.analysis.kind == "kinematics",
         written=read.written,
     )

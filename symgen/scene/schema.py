@@ -88,6 +88,16 @@ class Input(Named):
     value: Value = Field(description="Where no other value is passed; its unit is that of the input.")
 
 
+class StateTable(Table):
+    """A first-order state, such as an integral of a controller, a filter or the current of a motor."""
+
+    start: Value = Field(description="At the start; its unit is that of the state.")
+    rate: Value = Field(
+        description="Its time derivative: an expression of t, states, inputs, and the state of the mechanism."
+    )
+    about: Text = Field("", description="Meaning, for reports.")
+
+
 class PointTable(Table):
     """A joint, a tip or a fixed point of the mechanism, where it is drawn."""
 
@@ -225,6 +235,7 @@ class Scene(Table):
     units: Units = Field(default_factory=lambda: Units.model_validate({}))
     parameters: dict[Name, ParameterTable] = Field(default_factory=dict)
     inputs: dict[Name, Input] = Field(default_factory=dict)
+    states: dict[Name, StateTable] = Field(default_factory=dict)
     tables: dict[Name, PointsTable] = Field(default_factory=dict)
     points: dict[Name, PointTable] = Field(default_factory=dict, min_length=1)
     links: dict[Name, Link] = Field(default_factory=dict, min_length=1)

@@ -222,6 +222,7 @@ def test_every_analysis_of_a_model_is_a_command_of_that_name():
     assert {v.replace("_", "-") for v in VERBS if not v.endswith("_many")} - set(COMMANDS) == {
         "accelerations", "batch", "evaluate", "jacobian", "mass-matrix",
         "matrices", "record", "stepper",
+        "coordinates",
     }  # fmt: skip
 
 

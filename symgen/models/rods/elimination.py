@@ -45,7 +45,7 @@ def order_of(
     n = masses.rows
     numbers = {ij: x.xreplace(model.linkage.constants) for ij, x in masses.todok().items()}
     slopes = {ij: x.xreplace(model.linkage.constants) for ij, x in jacobian.todok().items()}
-    at = {p: range(i * len(model.axes), (i + 1) * len(model.axes)) for i, p in enumerate(model.free)}
+    at = {p: range(i * len(model.axes), (i + 1) * len(model.axes)) for i, p in enumerate(model.moving)}
     lengths = {c.link: n + i for i, c in enumerate(model.constraints) if c.link}
     outward = elimination_order(model.tree, at, lengths, n + jacobian.rows)
     varies = {ij: not x.is_number for ij, x in numbers.items()}

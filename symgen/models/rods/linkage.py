@@ -72,7 +72,7 @@ class RodsModel(ConstrainedPoints):
 
     def check_masses(self) -> None:
         """Raise SceneError where a point carries no mass."""
-        for point in self.free:
+        for point in self.moving:
             mass = self.mass_entries.get((self.q[point][0].symbol,) * 2, ZERO)
             mass = mass.xreplace(self.linkage.constants)
             if mass.is_number and vanishes(mass):
@@ -127,6 +127,9 @@ class RodsModel(ConstrainedPoints):
                         entries.setdefault((x, y), []).append(value)
                         if a != b:
                             entries.setdefault((y, x), []).append(value)
+        for state in self.linkage.states:  # of mass 1, without kinetic energy
+            (x,) = self.symbols(self.q[state.name])
+            entries[x, x] = [ONE]
         return {pair: sp.Add(*values) for pair, values in entries.items()}
 
     @cached_property
@@ -185,7 +188,13 @@ class RodsModel(ConstrainedPoints):
         """Force on every coordinate [N]: minus the gradient of the potential, plus the other loads."""
         parts = [(-ONE, self.calculus.gradient(self.loads.potential))]
         parts += [(force, slopes) for force, slopes, _ in (*self.loads.others, *self.loads.conservative)]
-        return chained(parts)
+        integrals = (self.q[s.name][0].symbol for s in self.linkage.states)
+        return chained(parts) | dict(zip(integrals, self.state_rates, strict=True))
+
+    @cached_property
+    def state_rates(self) -> Vector:
+        """Rates of the first-order states."""
+        return self.loads.with_state([s.rate for s in self.linkage.states])
 
     @cached_property
     def power(self) -> sp.Expr:
@@ -311,6 +320,7 @@ class RodsModel(ConstrainedPoints):
         return [
             (point, tuple(outside.get(q, ZERO) - self._inertia(q) for q in self.symbols(coordinates)))
             for point, coordinates in self.q.items()
+            if point not in self.free[len(self.moving) :]
         ]
 
     def _inertia(self, coordinate: sp.Symbol) -> sp.Expr:
@@ -358,6 +368,13 @@ class RodsModel(ConstrainedPoints):
 
     def own_output(self, name: str) -> Entries | None:
         """Return scalars, unit and description of an output of no point or link; None for others."""
+        for state, rate in zip(self.linkage.states, self.state_rates, strict=True):
+            (integral,), (value,), (slope,) = (of[state.name] for of in (self.q, self.u, self.a))
+            known = {state.name: value, f"{state.name}.integral": integral}
+            if name in known:
+                return [known[name].symbol], known[name].unit, known[name].description
+            if name == f"{state.name}.rate":
+                return [rate], slope.unit, slope.description
         return None
 
     def rod(self, name: str) -> RigidLink | None:

@@ -308,6 +308,8 @@ class Loads:
     def _state(self, name: str) -> sp.Expr:
         """Return the quantity ``owner.word`` of the state."""
         owner, _, word = name.partition(".")
+        if word == "state":
+            return self.model.u[owner][0].symbol
         if owner in self.model.points:
             values = self.model.velocity(owner) if word.startswith("v") else self.model.position(owner)
             return values[self.model.axes.index(word[-1])]

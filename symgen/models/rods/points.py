@@ -42,13 +42,21 @@ class Points:
         self.ground = [p.name for p in linkage.points if p.ground]
         self._held = frozenset(self.ground)
         self.carrier, self.shared = _carriers(self.parts, self.ground)
-        self.free = [p.name for p in linkage.points if not p.ground and p.name not in self.carrier]
-        names = [*self.free, *self.ground]
+        #: Points with coordinates of their own.
+        self.moving = [p.name for p in linkage.points if not p.ground and p.name not in self.carrier]
+        #: Owners of coordinates: these points, and behind them the first-order states.
+        self.free = [*self.moving, *(s.name for s in linkage.states)]
+        names = [*self.moving, *self.ground]
         self.q = self._per_point(names, "_", "m", "position")
         self.u = self._per_point(names, "_v", "m/s", "velocity")
         self.a = self._per_point(names, "_a", "m/s^2", "acceleration")
+        for s in linkage.states:
+            unit, of_rate, of_integral = s.units
+            self.q[s.name] = (quantity(s.integral, of_integral, f"integral of {s.about}"),)
+            self.u[s.name] = (quantity(s.name, unit, s.about),)
+            self.a[s.name] = (quantity(f"{s.name}_rate", of_rate, f"rate of {s.about}"),)
         self.calculus = Calculus(
-            [x for p in names for x in self.q[p]], [x for p in names for x in self.u[p]], TIME.symbol
+            [x for of in self.q.values() for x in of], [x for of in self.u.values() for x in of], TIME.symbol
         )
         fixed = [self.is_fixed(k.start) and self.is_fixed(k.end) for k in linkage.links]
         self.rods = [k for k, is_fixed in zip(linkage.links, fixed, strict=True) if not is_fixed]
@@ -117,7 +125,7 @@ class Points:
         bars = {bar_name(k, b.start, b.end): (b.start, b.end) for k, b in held}
         bodies = {bar_name(k, b.start, b.end): k.name for k, b in held}
         supports = {p: self.supports(p) for p in self.carrier}
-        return spanning_tree(self.ground, self.free, {**ends, **bars}, supports, bodies)
+        return spanning_tree(self.ground, self.moving, {**ends, **bars}, supports, bodies)
 
     def varies(self, component: sp.Expr) -> bool:
         """Return whether an expression depends on coordinates by more than the digits of the drawing."""
@@ -288,6 +296,8 @@ class Points:
                     for y, slope_y in self.calculus.gradient(d).items():
                         row = rows.setdefault(x, {})
                         row[y] = row.get(y, ZERO) + weight * slope_x * slope_y
+
+        rows |= {q.symbol: {q.symbol: ONE} for s in self.linkage.states for q in self.q[s.name]}
 
         of_bodies = {p for body in self.linkage.bodies for p in body.base}
         for point in self.linkage.points:

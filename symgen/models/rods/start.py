@@ -28,11 +28,11 @@ def start_exports(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
     """
     matrices, exports = assembly_exports(model)
     start = model.linkage.start
-    if start.rates or start.velocities:
+    if start.rates or start.velocities or model.linkage.states:
         matrices += _velocity(model)
         about = "rows K u = k of the start's velocities"
         exports.append(Export("start_velocity", about, ("start_rates", "start_jacobian")))
-    if start.rates or start.velocities or _driven(model):
+    if start.rates or start.velocities or model.linkage.states or _driven(model):
         exports.append(Export("mass_matrix", "mass matrix", ("mass_matrix",)))
         if any(model.start_momentum):
             names = [x.name for x in model.coordinates]
@@ -45,7 +45,7 @@ def start_exports(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
 def assembly_exports(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
     """Return the matrices and kernels of the pose at the start: ``drawn`` and ``assembly``."""
     linkage = model.linkage
-    drawn = [c for p in model.free for c in linkage.point(p).at]
+    drawn = [*(c for p in model.moving for c in linkage.point(p).at), *(ZERO for _ in linkage.states)]
     names = [x.name for x in model.coordinates]
     matrices = [named(model, "drawn", drawn, "m", "coordinates as drawn", rows=names)]
     exports = [Export("drawn", "coordinates as drawn", ("drawn",))]
@@ -164,7 +164,9 @@ def _as_drawn(model: RodsModel) -> dict[sp.Symbol, sp.Expr]:
     Ground points are at their start positions.
     """
     values: dict[sp.Symbol, sp.Expr] = {TIME.symbol: ZERO}
-    for point, group in model.q.items():
+    values |= {q.symbol: ZERO for s in model.linkage.states for q in model.q[s.name]}
+    for point in (*model.moving, *model.ground):
+        group = model.q[point]
         place = model.linkage.point(point)
         there = (c.xreplace(values) for c in place.motion) if point in model.ground else place.at
         values.update(zip(model.symbols(group), there, strict=True))
@@ -200,6 +202,10 @@ def _velocity(model: RodsModel) -> list[NamedMatrix]:
         rows.extend(f"{name} velocity {axis}" for axis in model.axes)
         targets.extend(velocity)
         gradients.extend(model.calculus.gradient(c) for c in model.position(name))
+    for state in model.linkage.states:
+        rows.append(f"{state.name} state")
+        targets.append(state.start)
+        gradients.append({model.q[state.name][0].symbol: ONE})
     ground = [pair for p in model.ground for pair in zip(model.q[p], model.u[p], strict=True)]
     for i, row in enumerate(gradients):
         targets[i] -= sp.Add(*(row[q.symbol] * u.symbol for q, u in ground if q.symbol in row))

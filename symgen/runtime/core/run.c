@@ -283,8 +283,9 @@ static int monitor(struct run *run) {
     if (!real_isfinite(total))
         return NOT_FINITE;
     if (s->energy_start == REAL_INFINITY)
-        s->energy_start = total;
-    s->energy_drift = real_fmax(s->energy_drift, real_fabs(total - s->energy_start));
+        s->energy_start = total - s->imbalance;
+    s->imbalance = total - s->energy_start;
+    s->energy_drift = real_fmax(s->energy_drift, real_fabs(s->imbalance));
     s->kinetic_min = real_fmin(s->kinetic_min, energies[0]);
     s->kinetic_max = real_fmax(s->kinetic_max, energies[0]);
     s->potential_min = real_fmin(s->potential_min, energies[1]);
@@ -356,9 +357,12 @@ int run_restart(struct run *run, int moves) {
 }
 
 void run_record(struct run *run) {
-    run->times[0] = run->state->t;
-    run->state->recorded = 0;
-    record_present(run);
+    struct state *s = run->state;
+    const long recorded = s->recorded, last = run->task.samples;
+    memcpy(run->samples + last * run->dim, run->y, (size_t)run->dim * sizeof(real));
+    run->times[last] = s->t, s->recorded = last;
+    keep_windings(run);
+    run->times[last] = REAL_INFINITY, s->recorded = recorded;
 }
 
 /* Return the length of the next attempt after a step with this error over the tolerance. */

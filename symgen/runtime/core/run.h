@@ -143,6 +143,7 @@ struct state {
     real t_looked;
     /* drift: largest constraint errors and energy error, ranges of the energies */
     real position_drift, velocity_drift, energy_drift, energy_start;
+    real imbalance;                 /* energy error at y; kept where a change of parameters changes the energy */
     real kinetic_min, kinetic_max, potential_min, potential_max;
     long worst;                     /* the constraint of largest error */
     /* stiffness: numbers of consecutive steps near the edge of stability and of others; whether the motion counts as
@@ -237,7 +238,7 @@ void run_extend(struct run *run, real t_end);
    constraints, onto which the state is projected. Return MORE or the status of the failure. */
 int run_restart(struct run *run, int moves);
 
-/* Record the present state as the only sample, of at least one. */
+/* Record the present state in the row behind the samples. */
 void run_record(struct run *run);
 
 /* Take at most `most` steps; return MORE, DONE, ENDED or the status of the failure. Returns early with MORE if the

@@ -187,17 +187,20 @@ def drive(
     progress: Progress | None,
     checkpoints: Checkpoints | None = None,
     pace: Pace | None = None,
+    control: Callable[[], int] | None = None,
 ) -> tuple[int, float]:
     """Step to the end in chunks of time; return the last status and the wall time [s].
 
-    ``pace`` is that of runs one after the other. The status is MORE if ``max_steps`` were too few, or are too
-    few at the pace of the last steps, and OUT_OF_TIME if ``max_wall`` is spent. A resumed run continues from
-    its checkpoint; an interrupt, such as Ctrl-C, leaves one.
+    ``pace`` is that of runs one after the other. ``control`` is called at the start of a run that continues
+    and at each of its ends: it moves the end and returns MORE, or another status to end the run. The status
+    is MORE if ``max_steps`` were too few, or are too few at the pace of the last steps, and OUT_OF_TIME if
+    ``max_wall`` is spent. A resumed run continues from its checkpoint; an interrupt, such as Ctrl-C, leaves
+    one.
     """
     pace = pace or Pace(stepper.t, chosen.t_end)
     spent = checkpoints.spent if checkpoints else 0.0
     try:
-        status = _driven(stepper, t0, chosen, progress, checkpoints, pace)
+        status = _driven(stepper, t0, chosen, progress, checkpoints, pace, control)
     except KeyboardInterrupt:
         if checkpoints and (remedy := checkpoints.leave(stepper)):
             raise KeyboardInterrupt(remedy) from None
@@ -212,9 +215,12 @@ def _driven(
     progress: Progress | None,
     checkpoints: Checkpoints | None,
     pace: Pace,
+    control: Callable[[], int] | None,
 ) -> int:
     """Return the last status of a run by :func:`drive`."""
     status = _core.MORE if stepper.steps or stepper.recorded else stepper.begin()
+    if control and status == _core.MORE:
+        status = control()
     judged, ends = (stepper.steps, stepper.t), ENDS.get()
     if ends:
         ends.clear()
@@ -230,6 +236,8 @@ def _driven(
         status = stepper.advance(min(chunk, chosen.max_steps - stepper.steps))
         if ends is not None:
             ends.append(stepper.t)
+        if control and status == _core.DONE:
+            status = control()
         over = status == _core.MORE and pace.spent(stepper.t, partial(_short, stepper))
         if checkpoints and status == _core.MORE:
             checkpoints.look(stepper, last=over)

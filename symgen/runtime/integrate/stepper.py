@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from math import inf, isfinite
 from typing import Any, Self
 
@@ -14,6 +15,7 @@ from symgen.errors import ModelError, SimulationError, check_known
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.options import Options
+from symgen.runtime.integrate.simulate import stepper_of
 from symgen.runtime.kernels.arguments import out_of_range, real
 from symgen.runtime.kernels.description import BlockInfo
 from symgen.runtime.result.records import LocatedEvent
@@ -31,9 +33,16 @@ class Stepper(ABC):
     _equations: Any
     _row: Array | None
 
-    def __init__(self, model: Any, chosen: Options, state: State | None) -> None:
-        model._refuse_types("steppers are")
-        self._model, self._chosen, self._first = model, chosen, state
+    def __init__(
+        self,
+        model: Any,
+        chosen: Options,
+        state: State | None,
+        sampled: Callable[[float], Array] | None = None,
+    ) -> None:
+        """Begin a motion; ``sampled`` returns the times [s] that a run from a start records."""
+        model._refuse_types("steppers are" if sampled is None else "runs with a controller are")
+        self._model, self._chosen, self._first, self._sampled = model, chosen, state, sampled
         d = model.description
         self._places = {p.name: i for i, p in enumerate(d.tunable)}
         #: Parameters that neither constraints nor limits of values depend on.
@@ -209,10 +218,10 @@ class Stepper(ABC):
         if len(y) != self._equations.dim:
             n = self._equations.n
             raise ModelError(f"expected a state of {n} coordinates of {self._model.name}, got {len(y) // 2}")
-        self._run = _core.Run(
-            self._equations, chosen.method, t, y, t + chosen.t_end, chosen.rtol, chosen.atol, chosen.step,
-            np.array([t]), max_step=chosen.max_step, continues=True, **more,
-        )  # fmt: skip
+        times, over = np.array([t]), replace(chosen, t_end=t + chosen.t_end)
+        if self._sampled is not None:
+            times, over = self._sampled(t), chosen
+        self._run = stepper_of(self._equations, over, t, y, times, continues=True, **more)
 
     def _length(self, h: Any) -> float:
         """Return the time of a step [s]; raise ModelError for one that does not advance."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from symgen.runtime.kernels.elastic_description import ElasticInfo
 from symgen.runtime.kernels.places import key_of
@@ -116,6 +116,11 @@ class Described(ABC):
         return f"{self.coordinates} coordinates"
 
     @property
+    def integrals(self) -> list[str]:
+        """Names of the outputs that are integrals of first-order states."""
+        return []
+
+    @property
     def held(self) -> int:
         """Number of trailing parameters that runs hold during a step and users do not see."""
         return 0
@@ -170,7 +175,8 @@ class Description(Described):
     the number of points of the scene, the first. ``gears`` are the numbers of teeth by link, with that of the
     carrier. ``first_pivot`` is a place in ``work`` of 'factor'. ``series_rows`` counts the coefficients of
     one order of power series in time, ``series_watched`` those of the kernel 'events' among them. ``tables``
-    counts the ``switches`` that are knots of tables, the last ones.
+    counts the ``switches`` that are knots of tables, the last ones. ``states`` are first-order states with
+    their units: rates of coordinates, their integrals, that are behind those of points.
     """
 
     axes: tuple[str, ...]
@@ -208,6 +214,7 @@ class Description(Described):
     size: float = 0.0
     series_rows: int = 0
     series_watched: int = 0
+    states: dict[str, str] = field(default_factory=dict)
 
     @property
     def method(self) -> str:
@@ -229,17 +236,23 @@ class Description(Described):
     @property
     def coordinates(self) -> int:
         """Number of coordinates."""
+        return self.of_points + len(self.states)
+
+    @property
+    def of_points(self) -> int:
+        """Number of coordinates without integrals of states."""
         return len(self.free) * (1 if self.rates else len(self.axes))
 
     @property
     def freedom(self) -> int:
         """Degrees of freedom that constraints and drives leave; redundant constraints prescribe nothing."""
-        return self.coordinates - len(self.constraints) + len(self.redundant)
+        return self.of_points - len(self.constraints) + len(self.redundant)
 
     @property
     def extent(self) -> str:
         """Numbers of coordinates and constraints, in words."""
-        return f"{self.coordinates} coordinates, {len(self.constraints)} constraints"
+        states = f", {len(self.states)} first-order states" * bool(self.states)
+        return f"{self.of_points} coordinates, {len(self.constraints)} constraints{states}"
 
     @property
     def shown_axes(self) -> tuple[str, ...]:
@@ -250,18 +263,29 @@ class Description(Described):
         """Return the names of the coordinates in labels; of their rates with "v", accelerations with "a"."""
         if self.rates:
             return list({"": self.free, "v": self.rates}.get(rate, [f"{name}_{rate}" for name in self.free]))
-        return [f"{point}_{rate}{axis}" for point in self.free for axis in self.axes]
+        of_state = {"": "{}_integral", "v": "{}", "a": "{}_rate"}[rate]
+        names = [f"{point}_{rate}{axis}" for point in self.free for axis in self.axes]
+        return [*names, *map(of_state.format, self.states)]
+
+    @property
+    def integrals(self) -> list[str]:
+        """Names of the outputs that are integrals of states."""
+        return [f"{name}.integral" for name in self.states]
 
     @property
     def coordinate_outputs(self) -> list[str]:
         """Names of the outputs that are the coordinates."""
-        return list(self.free) if self.rates else [f"{p}.position.{x}" for p in self.free for x in self.axes]
+        if self.rates:
+            return list(self.free)
+        return [*(f"{p}.position.{x}" for p in self.free for x in self.axes), *self.integrals]
 
     def unknown(self, index: int) -> str:
         """Return the name of an unknown of the equations of motion in messages."""
         axes, n = self.axes, self.coordinates
         if index < n and self.rates:
             return f"the coordinate {self.free[index]}"
+        if self.of_points <= index < n:
+            return f"the state {[*self.states][index - self.of_points]}"
         if index < n:
             return f"the {axes[index % len(axes)]} motion of point {self.free[index // len(axes)]}"
         return self.labels[index - n]
@@ -373,21 +397,3 @@ class LoopDescription(Described):
         """Return variable, row, joint and link of a variable as messages name them."""
         v = self.variables[index]
         return f"{v.name} of row {v.row + 1} (joint {self.joints[v.row]}, link {self.links[v.row]})"
-
-
-def kernel_infos(kernels: Iterable[Any]) -> tuple[KernelInfo, ...]:
-    """Return name and sizes of each kernel of a program."""
-    return tuple(
-        KernelInfo(
-            k.name,
-            k.work_size,
-            "u" in k.reads,
-            k.out_size,
-            {kind: getattr(k.counts, kind) for kind in ("add", "mul", "div", "neg", "call", "flops")},
-            tuple(
-                BlockInfo(b.name, b.offset, b.shape, b.unit, b.description, b.rows, b.columns)
-                for b in k.blocks
-            ),
-        )
-        for k in kernels
-    )

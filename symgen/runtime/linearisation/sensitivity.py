@@ -120,11 +120,18 @@ def at_equilibrium(
     Raises
     ------
     ModelError
-        For a neutral equilibrium; for a parameter that breaks redundant constraints; as :func:`spectrum`.
+        For a neutral equilibrium; for a parameter that breaks redundant constraints; as :func:`spectrum`; and
+        for the spectra of a scene with first-order states.
     """
-    n = tangents.n
+    n, states = tangents.n, slice(tangents.n - len(tangents.description.integrals), tangents.n)
+    if spectra and tangents.description.integrals:
+        raise ModelError(
+            f"{spectra[0]} of {tangents.description.name} have no derivatives, since its scene has [states]\n"
+            "  linearise(equilibrium).poles are the eigenvalues."
+        )
     force = tangents.slopes.residual[:n]
-    by_q, direct = force[:, tangents.by_q], tangents.direct(force, parameters)
+    by_q, direct = force[:, tangents.by_q].copy(), tangents.direct(force, parameters)
+    by_q[:, states] = force[:, tangents.by_u][:, states]  # of these in place of their integrals
     dq = closing_motion(tangents, parameters)
     stiffness = tangents.free.T @ by_q @ tangents.free
     _, sizes, right = np.linalg.svd(stiffness)
@@ -140,8 +147,9 @@ def at_equilibrium(
     unbalanced = by_q @ dq + direct
     dq = dq - tangents.free @ np.linalg.solve(stiffness, tangents.free.T @ unbalanced)
     multipliers = (tangents.bound.T @ (by_q @ dq + direct)) / tangents.scale[:, None]
-    still = np.zeros_like(dq)
-    result = _of_outputs(tangents, outputs, parameters, dq, still, np.vstack([still, multipliers]))
+    still, rates = np.zeros_like(dq), np.zeros_like(dq)
+    rates[states], dq[states] = dq[states], 0.0
+    result = _of_outputs(tangents, outputs, parameters, dq, rates, np.vstack([still, multipliers]))
     result = replace(result, at_equilibrium=True)
     for name in spectra:
         moved = np.vstack([dq, multipliers])

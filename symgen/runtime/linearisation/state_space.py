@@ -48,6 +48,9 @@ def state_space(
         As :meth:`Tangents.directions`; for a state that violates the constraints; for forces that
         redundant constraints leave open; for Cartesian coordinates of redundant constraints.
     """
+    integrals = tangents.description.integrals
+    shown_coordinates = [name for name in coordinates if name not in integrals]
+    coordinates = [*shown_coordinates, *integrals]
     slopes, d, n = tangents.slopes, tangents.description, tangents.n
     if tangents.redundant and not independent:
         raise ModelError(
@@ -56,7 +59,7 @@ def state_space(
         )
     dq, du = np.eye(n, 2 * n), np.eye(n, 2 * n, n)
     if independent:
-        if not tangents.free.shape[1]:
+        if tangents.free.shape[1] == len(integrals) and shown_coordinates:
             raise ModelError(
                 f"{d.name} has no degree of freedom at this state, so no independent coordinates: its drives "
                 "and constraints determine the motion\n  Without coordinates, A is the Jacobian of "
@@ -75,7 +78,7 @@ def state_space(
         state = rows[:, tangents.by_q] @ dq + rows[:, tangents.by_u] @ du + by @ dw
         return state, by @ driven + tangents.direct(rows, [*inputs])
 
-    shown = [x for name in outputs for x in slopes.scalars(name)]
+    shown = [x for name in outputs if name not in integrals for x in slopes.scalars(name)]
     tangents.check_unique(shown)
     second, by_inputs = linear([f"{name}''" for name in coordinates])
     c, direct = linear(shown)
@@ -83,23 +86,27 @@ def state_space(
         np.array([slopes.values[f"{name}{mark}"] for name in of])
         for of, mark in ((coordinates, ""), (coordinates, "'"), (coordinates, "''"), (shown, ""))
     )
-    states = (*coordinates, *(f"{name}'" for name in coordinates))
-    units = {name: slopes.units[name] for name in (*states, *shown)}
+    # Nothing depends on the integrals of states; their rates are these states.
+    kept = np.delete(np.arange(2 * k), np.arange(len(shown_coordinates), k))
+    moving = [*shown_coordinates, *(f"{name}'" for name in shown_coordinates)]
+    units = {name: slopes.units[name] for name in (*moving, *shown)}
+    of_states = [x.removesuffix(".integral") for x in integrals]
+    units |= {name: d.states[name] for name in of_states}
     return Linearisation(
-        A=np.vstack([np.hstack([np.zeros((k, k)), np.eye(k)]), second]),
-        B=np.vstack([np.zeros((k, len(inputs))), by_inputs]),
-        C=c,
+        A=np.vstack([np.hstack([np.zeros((k, k)), np.eye(k)]), second])[np.ix_(kept, kept)],
+        B=np.vstack([np.zeros((k, len(inputs))), by_inputs])[kept],
+        C=c[:, kept],
         D=direct,
-        states=states,
+        states=(*moving, *of_states),
         inputs=tuple(inputs),
         outputs=tuple(shown),
         units=units | {p.name: p.unit for p in d.tunable if p.name in inputs},
         t=tangents.state.t,
-        x=np.concatenate([x, first]),
+        x=np.concatenate([x, first])[kept],
         u=np.array([*inputs.values()], dtype=float),
         y=y,
-        rates=np.concatenate([first, accelerations]),
-        freedoms=tangents.free.shape[1],
+        rates=np.concatenate([first, accelerations])[kept],
+        freedoms=tangents.free.shape[1] - len(integrals),
     )
 
 
@@ -111,7 +118,10 @@ def derivatives(d: Description, coordinates: Sequence[str]) -> list[str]:
     ModelError
         For a name that is not that of a quantity of a point or a link, or of a user's coordinate.
     """
+    coordinates = [*dict.fromkeys((*coordinates, *d.integrals))]
     for name in coordinates:
+        if name in d.integrals:
+            continue
         if d.rates:
             check_known(name, d.free, f"{d.name} has no coordinate")
             continue
@@ -136,6 +146,6 @@ def coordinate_choices(model: Any) -> Iterator[tuple[str, ...]]:
 
     d = model.description
     yield from islice(combinations([f"{link}.angle" for link in d.links], d.freedom), _TRIED)
-    free = null_space(model.jacobian(), rcond=_DEPENDENT)
+    free = null_space(model.jacobian()[:, : d.of_points], rcond=_DEPENDENT)
     chosen = qr(free.T, mode="r", pivoting=True)[1][: free.shape[1]]
     yield tuple(d.coordinate_outputs[i] for i in sorted(chosen))

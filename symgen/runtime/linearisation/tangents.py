@@ -236,7 +236,7 @@ class Tangents:
         ModelError
             When the coordinates do not determine the motion.
         """
-        freedoms = self.free.shape[1]
+        freedoms, states = self.free.shape[1], len(self.description.integrals)
         if coordinates and not freedoms:
             raise ModelError(
                 f"{self.description.name} has no degree of freedom at this state, so no independent "
@@ -249,7 +249,11 @@ class Tangents:
                     f"  Choose some of {', '.join(self.slopes.scalars(name))}."
                 )
         if len(coordinates) != freedoms:
-            got = f"{len(coordinates)}: {', '.join(coordinates)}" if coordinates else "no {coordinates}"
+            given, freedoms = (
+                [x for x in coordinates if x not in self.description.integrals],
+                freedoms - states,
+            )
+            got = f"{len(given)}: {', '.join(given)}" if given else "no {coordinates}"
             raise OptionsError(
                 f"expected {freedoms} independent coordinate{'s' * (freedoms != 1)} of "
                 f"{self.description.name}, one for each degree of freedom, got {got}\n  {self.CHOICE}"
@@ -268,7 +272,8 @@ class Tangents:
 
     def mass_matrix(self, coordinates: Sequence[str]) -> Array:
         """Return the mass matrix of independent coordinates; errors as of :meth:`directions`."""
-        unit = self.free @ np.linalg.inv(self.directions(coordinates))
+        unit = self.free @ np.linalg.inv(self.directions([*coordinates, *self.description.integrals]))
+        unit = unit[:, : len(coordinates)]
         return unit.T @ self.mass @ unit
 
     def check_unique(self, outputs: Sequence[str]) -> None:

@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from symgen.calls import checked
 from symgen.errors import CapabilityError, InitialStateError, ModelError, OptionsError, check_known
@@ -16,17 +17,16 @@ from symgen.runtime.closure.assemblies import search
 from symgen.runtime.closure.first_closure_in_range import closed_later
 from symgen.runtime.closure.parameter_homotopy import state_at
 from symgen.runtime.closure.start import Closed, close_near, counted
-from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.kernels.arguments import real, reals
 from symgen.runtime.kernels.description import LoopDescription
+from symgen.runtime.loop import motion
 from symgen.runtime.loop.driven import STAGES, driven, follow, follow_through, followed, moving_at, not_driven
 from symgen.runtime.loop.kernels import LoopKernels
-from symgen.runtime.loop.motion import LoopStart, LoopStepper, rates_at_start, run, start_at
 from symgen.runtime.model.arguments import Derivatives, PosesArguments, RunArguments, Stepping, takes
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.model.model import Model
-from symgen.runtime.result.state import AssemblyModes, State
+from symgen.runtime.result.state import AssemblyModes, State, in_order
 from symgen.runtime.result.turn import Turn
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class LoopModel(Model):
     }
 
     _start: Closed | None = None
-    _motion: LoopStart | None = None
+    _motion: motion.LoopStart | None = None
 
     @cached_property
     def kernels(self) -> LoopKernels:
@@ -276,12 +276,15 @@ class LoopModel(Model):
     def initial_state(self) -> State:
         """Return the state in which the loop starts; raise InitialStateError when it cannot be assembled."""
         begin = self.closed_start()
-        return self._as_state(begin.t, begin.q, rates_at_start(self.kernels, begin))
+        return self._as_state(begin.t, begin.q, motion.rates_at_start(self.kernels, begin))
 
     def _as_state(self, t: float, q: Array, u: Array) -> State:
         names = [v.name for v in self.description.variables]
         values, rates = (dict(zip(names, map(np.asarray, x), strict=True)) for x in (q, u))
         return State(t, q.copy(), u.copy(), values, rates)
+
+    def _coordinates(self, y: State | ArrayLike, t: ArrayLike = 0.0) -> dict[str, Any]:
+        return in_order([v.name for v in self.description.variables], y, t)
 
     @property
     def rhs(self) -> Rhs:
@@ -360,30 +363,31 @@ class LoopModel(Model):
 
     @takes(RunArguments)
     def _simulate(self, request: RunArguments) -> Result:
-        chosen = _of_loops(request.options(self.description.t_end, self._type, series=self._series))
+        chosen = motion.of_loops(request.options(self.description.t_end, self._type, series=self._series))
         if chosen.stabilisation == "baumgarte":
             raise ModelError("baumgarte is for linkages of points and links: loops take projection, or raw")
-        keeping = request.keeping()
         with limited(request.max_wall):
-            start = self._begun(request.state)
-            return run(self.kernels, start, chosen, request.progress, keeping, request.t_eval)
+            if request.controlled:
+                return motion.controlled_run(self, request, chosen)
+            start, keeping = self._begun(request.state), request.keeping()
+            return motion.run(self.kernels, start, chosen, request.progress, keeping, request.t_eval)
 
-    def _begun(self, state: State | None) -> LoopStart:
+    def _begun(self, state: State | None) -> motion.LoopStart:
         """Return the start of a motion; that of the scene is found once."""
         from symgen.runtime.loop.derivatives.tangents import check_closed
 
         begin = self.closed_start()
         if state is not None:
             check_closed(self.kernels, state)
-            return start_at(self.kernels, Closed(state.t, state.q.copy(), begin.rank), state.u)
+            return motion.start_at(self.kernels, Closed(state.t, state.q.copy(), begin.rank), state.u)
         if self._motion is None:
             rates = np.array([v.start_rate for v in self.description.variables])
-            self._motion = start_at(self.kernels, begin, rates)
+            self._motion = motion.start_at(self.kernels, begin, rates)
         return self._motion
 
     @takes(Stepping)
-    def _stepper(self, request: Stepping) -> LoopStepper:
-        return LoopStepper(self, _of_loops(request.options()), request.state)
+    def _stepper(self, request: Stepping) -> motion.LoopStepper:
+        return motion.LoopStepper(self, motion.of_loops(request.options()), request.state)
 
     def _compiled_runs(self, runs: Runs, first: Any) -> DrivenLoops | str:
         from symgen.runtime.loop.many.driven import driven_loops
@@ -391,10 +395,3 @@ class LoopModel(Model):
         if first.KIND == Turn.KIND:
             return driven_loops(self, first, runs.columns) or ""
         return "loops of joints under forces have none" if runs.analysis == "simulate" else ""
-
-
-def _of_loops(chosen: Options) -> Options:
-    """Return the options of a run; raise ModelError for a method that loops do not take."""
-    if chosen.method.kind not in ("explicit", "taylor"):
-        raise ModelError(f"{chosen.method.name} is for linkages of points and links, not for loops of joints")
-    return chosen

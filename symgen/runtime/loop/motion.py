@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from symgen.errors import SimulationError
+from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _core, _loop
 from symgen.runtime.arrays import Array
 from symgen.runtime.closure.mobility import scaled_screws
 from symgen.runtime.closure.start import Closed
 from symgen.runtime.integrate.checkpoint import CheckpointOptions, mark_of
+from symgen.runtime.integrate.controlled import controlled
 from symgen.runtime.integrate.failures import of_sliding, unfinished, with_cause
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.pace import OUT_OF_TIME, Progress, out_of_time
@@ -22,7 +23,8 @@ from symgen.runtime.integrate.stepper import Stepper
 from symgen.runtime.kernels.typed import library_of_runs
 from symgen.runtime.loop.ball_poles import ball_pole, in_other_angles
 from symgen.runtime.loop.kernels import LoopKernels, in_words
-from symgen.runtime.loop.samples import AXES, LoopRecording, samples_of
+from symgen.runtime.loop.samples import AXES, LoopRecording, LoopSamples
+from symgen.runtime.model.arguments import RunArguments
 from symgen.runtime.result.records import LocatedEvent
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State
@@ -211,9 +213,25 @@ class LoopStepper(Stepper):
         return kernels
 
     def _evaluated(self) -> Array:
-        self._run.present()
-        row: Array = samples_of(self._kernels, self._equations.rank, self._run).outputs()[0]
-        return row
+        y, turns, table = self._run.present()
+        states = np.append(y, 0.0)[None]
+        kernels, rank = self._kernels, self._equations.rank
+        return LoopSamples(kernels, rank, np.array([self.t]), states, turns[None], table[None]).outputs()[0]
 
     def _cause(self, status: int) -> str:
         return problem(self._kernels, self._run, self._chosen, status)
+
+
+def controlled_run(model: Any, request: RunArguments, chosen: Options) -> Result:
+    """Integrate with a controller and return the result: see :meth:`symgen.Model.simulate`."""
+    stepper, control = controlled(model, LoopStepper, request, chosen)
+    status, wall = control.run(request.progress)
+    of = model.kernels, stepper._equations, stepper._run
+    return control.finished(Result._later(LoopRecording(*of, chosen, wall, model.library, control)), status)
+
+
+def of_loops(chosen: Options) -> Options:
+    """Return the options of a run; raise ModelError for a method that loops do not take."""
+    if chosen.method.kind not in ("explicit", "taylor"):
+        raise ModelError(f"{chosen.method.name} is for linkages of points and links, not for loops of joints")
+    return chosen

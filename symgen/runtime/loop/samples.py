@@ -17,7 +17,7 @@ from symgen.runtime.closure.redundancy import Mask, note, ranges_of, undetermine
 from symgen.runtime.loop.frames import product, transforms
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.loop.near_singular import CLOSED, REPORTED
-from symgen.runtime.result.recording import RunRecording, grouped, losses_of_rank, of_switches
+from symgen.runtime.result.recording import Controls, RunRecording, grouped, losses_of_rank, of_switches
 from symgen.runtime.result.records import Variable
 from symgen.runtime.result.turn import variables
 
@@ -52,12 +52,22 @@ class LoopSamples:
         The turns in front of the balls at each sample.
     table
         The variables at each sample in the angles of the table; empty without balls that have others.
+    held
+        Tunable parameters at each sample; by default those of the kernels.
     """
 
     def __init__(
-        self, kernels: LoopKernels, rank: int, times: Array, states: Array, turns: Array, table: Array
+        self,
+        kernels: LoopKernels,
+        rank: int,
+        times: Array,
+        states: Array,
+        turns: Array,
+        table: Array,
+        held: Array | None = None,
     ) -> None:
         self.kernels, self.times, self.states, self.turns, self.table = kernels, times, states, turns, table
+        self._held = kernels.parameter_values[: len(kernels.description.tunable)] if held is None else held
         d = kernels.description
         # States are recorded as doubles, and outputs follow from them.
         self._solver = kernels.equations([*d.having("dependent"), *d.having("free")], rank)
@@ -65,8 +75,9 @@ class LoopSamples:
     @cached_property
     def parts(self) -> tuple[SampleGroup, ...]:
         """The samples by the angles they are recorded in."""
-        parts, first = [], len(self.kernels.description.tunable)
-        for parameters, rows in grouped(self.kernels.parameter_values, first, self.turns):
+        parts, count = [], len(self.times)
+        values = np.hstack([np.broadcast_to(self._held, (count, self._held.shape[-1])), self.turns])
+        for parameters, rows in grouped(self.kernels.parameter_values, 0, values):
             self._solver.set_parameters(parameters)
             times, states = self.times[rows], self.states[rows]
             solutions = self._solver.solutions(times, states)
@@ -202,10 +213,15 @@ class LoopRecording(RunRecording):
 
     kernels: LoopKernels
     equations: _loop.LoopEquations
+    controls: Controls | None = None
 
     @cached_property
     def _samples(self) -> LoopSamples:
-        return samples_of(self.kernels, self.equations.rank, self.stepper)
+        run = self.stepper
+        rows = np.append(run.result, np.zeros((len(run.sampled), 1)), axis=1)
+        held = None if self.controls is None else self.controls.held(run.sampled)
+        rank = self.equations.rank
+        return LoopSamples(self.kernels, rank, run.sampled, rows, run.references, run.turns, held)
 
     @cached_property
     def _variables(self) -> tuple[Variable, ...]:
@@ -248,17 +264,12 @@ class LoopRecording(RunRecording):
         """Return the notes on the run: losses of rank, poles of angles, redundant closure, jumps of loads."""
         d, samples = self.kernels.description, self._samples
         return (
+            *([self.controls.note] if self.controls else []),
             *_of_passages(self.stepper, samples),
             *samples.notes(),
             *note(self.kernels, self._undetermined, len(samples.times)),
             *of_switches(d.switches, self.stepper.switchings),
         )
-
-
-def samples_of(kernels: LoopKernels, rank: int, run: _core.Run) -> LoopSamples:
-    """Return the recorded samples of a run."""
-    rows = np.append(run.result, np.zeros((len(run.sampled), 1)), axis=1)
-    return LoopSamples(kernels, rank, run.sampled, rows, run.references, run.turns)
 
 
 def _of_passages(stepper: _core.Run, samples: LoopSamples) -> Iterator[str]:

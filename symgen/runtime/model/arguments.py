@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from symgen.errors import ModelError
+from symgen.errors import ModelError, OptionsError
 from symgen.precision import Precision
 from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.checkpoint import CheckpointOptions, keeping
@@ -69,11 +69,23 @@ class RunArguments(Checkpointed):
     max_drift: float | None = None
     max_step: float | None = None
     state: State | None = None
+    controller: Callable[..., Any] | None = None
+    sample: float | None = None
+
+    @property
+    def controlled(self) -> bool:
+        """Whether a controller sets inputs; raise OptionsError for its sampling interval alone."""
+        if self.controller is None and self.sample is not None:
+            raise OptionsError("{sample} is the sampling interval of a controller: give {controller}, too")
+        return self.controller is not None
 
     def options(
         self, end: float, precision: Precision, rate: float | None = None, series: float = 0.0
     ) -> Options:
-        """Return the checked options of a run until a time [s]; by power series up to the rtol ``series``."""
+        """Return the checked options of a run until a time [s].
+
+        Power series are the default up to the rtol ``series``, without a controller, whose calls end steps.
+        """
         return options(
             end_of_scene(end) if self.t_end is None else self.t_end,
             self.method,
@@ -87,7 +99,7 @@ class RunArguments(Checkpointed):
             self.max_drift,
             precision,
             max_step=self.max_step,
-            series=series,
+            series=0.0 if self.controller else series,
         )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
@@ -85,6 +85,33 @@ class KernelCalls:
         ------
         ModelError
             For arrays of other shapes, times that do not increase, and numbers that are not finite.
+        """
+        raise NotImplementedError
+
+    @verb
+    def coordinates(self, y: State | ArrayLike, t: ArrayLike = 0.0) -> dict[str, Any]:
+        """Return coordinates and rates of a state by name, as :meth:`linearise` names its states.
+
+        Of linkages ``LINK.angle`` (in the plane, within 180 degrees) and ``POINT.position.x``; of loops the
+        joint variables; of user-defined systems their coordinates. ``NAME'`` is the rate of NAME.
+
+        Parameters
+        ----------
+        y
+            A state y = (q, u) of :attr:`rhs` or a stepper, rows of states, or a ``State``.
+        t
+            Time [s] of the state, or of each row, for the angles of links on moving ground; a ``State`` has
+            its own.
+
+        Returns
+        -------
+        dict
+            A number for each name, or an array with a number per row [rad, m, rad/s, m/s].
+
+        Raises
+        ------
+        ModelError
+            For arrays of other shapes, and entries that are not real numbers.
         """
         raise NotImplementedError
 

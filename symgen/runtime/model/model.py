@@ -91,6 +91,8 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         checkpoint_every: float | None = None,
         resume: str | os.PathLike[str] | None = None,
         state: State | None = None,
+        controller: Callable[..., Any] | None = None,
+        sample: float | None = None,
         progress: Callable[[float], None] | None = None,
     ) -> Result:
         """Run the motion in time and return its result.
@@ -142,6 +144,10 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
             Checkpoint from which the run continues, with the bits of an uninterrupted run.
         state
             Initial state; by default that of the scene.
+        controller, sample
+            Function ``f(t, view)`` that returns inputs by name, such as ``{"F": 2.0}``, and the time [s]
+            between two calls, in which inputs are constant: see ``docs/control.md``. The method is then
+            ``dop853`` by default.
         progress
             Called from time to time with the completed part of the run, 0 to 1.
 
@@ -152,7 +158,8 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         InitialStateError
             When the start cannot be assembled.
         SimulationError
-            When the run cannot continue; it contains the time and the recorded samples.
+            When the run cannot continue, or its controller raises an exception or returns anything but
+            inputs; it contains the time and the recorded samples.
         """
         raise NotImplementedError
 

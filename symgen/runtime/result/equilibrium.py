@@ -26,6 +26,7 @@ class Linearised:
     and constraint forces it is left of [N], ``noise`` the round-off of the forces, that of the positions
     times the stiffness included [N]. ``damped`` tells whether the damping of every force exists: forces
     without a slope by velocities at rest, such as with the root of a squared speed, have none in ``damping``.
+    ``integrals`` is the number of first-order states, whose integrals have an eigenvalue of zero each.
     """
 
     basis: Array
@@ -37,11 +38,12 @@ class Linearised:
     scale: float
     noise: float
     damped: bool = True
+    integrals: int = 0
 
     @property
     def freedoms(self) -> int:
         """Number of free motions."""
-        return self.basis.shape[1]
+        return self.basis.shape[1] - self.integrals
 
     def eigenvalues(self) -> tuple[NDArray[Any], NDArray[Any]]:
         """Return the eigenvalues [1/s], one per mode, and the motions y of unit modal mass as columns.
@@ -56,11 +58,16 @@ class Linearised:
                 "there are no modes: the damping of a force is not defined at rest, such as that of a force "
                 "with sqrt(speed^2)\n  Write the force with abs(speed) or sign(speed)."
             )
-        return eigenvalues(self.mass, self.stiffness, self.damping)
+        return self._eigenvalues()
+
+    def _eigenvalues(self) -> tuple[NDArray[Any], NDArray[Any]]:
+        values, motions = eigenvalues(self.mass, self.stiffness, self.damping)
+        kept = np.sort(np.argsort(np.abs(values), kind="stable")[self.integrals :])
+        return values[kept], motions[:, kept]
 
     def stability(self) -> str:
         """Return ``unstable`` if a mode grows, ``neutral`` if no force drives one back, or ``stable``."""
-        values = eigenvalues(self.mass, self.stiffness, self.damping)[0]
+        values = self._eigenvalues()[0]
         if np.any(values.real > 0.0):
             return "unstable"
         return "neutral" if np.any(values == 0.0) else "stable"

@@ -144,8 +144,13 @@ class Findings:
         return tuple(p for p in self.singular_poses if p.kind == "bifurcation")
 
     def _of_analysis(self, model: Any, verb: str, arguments: Mapping[str, Any]) -> None:
-        """Set the analysis that the result is of; see :attr:`origin`."""
-        self._cache["origin"] = (model, verb, arguments)
+        """Set the analysis that the result is of; see :attr:`origin`.
+
+        In place of a controller, which may have a memory, it has the inputs that the controller has set.
+        """
+        controls = getattr(self.__dict__.get("_source"), "controls", None)
+        repeated = {"controller": controls.repeated} if controls else {}
+        self._cache["origin"] = (model, verb, {**arguments, **repeated})
 
     @property
     def origin(self) -> tuple[Any, str, Mapping[str, Any]] | None:
@@ -193,6 +198,11 @@ class Findings:
         if self.KIND == "elastic" and verb in ("simulate", "periodic"):
             options_of_run["at"] = self
         elif verb == "simulate":
+            if "controller" in arguments:
+                raise ResultError(
+                    "runs with a controller have no gradient\n"
+                    "  Write its law into the scene, with [states] where it needs any."
+                )
             if arguments.get("stabilisation", "projection") != "projection":
                 raise ResultError(
                     f"runs with the stabilisation {arguments['stabilisation']!r} have no gradient\n"

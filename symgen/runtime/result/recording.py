@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -22,6 +22,20 @@ from symgen.runtime.result.state import State
 _SHOWN = 6
 #: Longest jump or kink of a load that a note shows as written; of others only the table.
 _LONGEST = 80
+
+
+class Controls(Protocol):
+    """Parameters that a controller has set during a run."""
+
+    @property
+    def note(self) -> str:
+        """The controller, in words."""
+
+    def held(self, times: Array) -> Array:
+        """Return the tunable parameters at times [s] of the run, (times, parameters)."""
+
+    def repeated(self, t: float, view: Any) -> dict[str, float]:
+        """Return the inputs that the controller has set at a sampling time [s]: that of a repeated run."""
 
 
 @dataclass(slots=True)
@@ -84,11 +98,15 @@ class RunRecording:
 
 @dataclass(slots=True)
 class Recording(RunRecording):
-    """A run of a linkage; ``initial`` is the initial state if the caller gave it."""
+    """A run of a linkage; ``initial`` is the initial state if the caller gave it.
+
+    ``controls`` are the inputs that a controller has set; None without one.
+    """
 
     kernels: Evaluator
     redundant: tuple[int, ...]
     initial: State | None
+    controls: Controls | None = None
 
     def axes(self) -> tuple[str, ...]:
         """Return the names of the axes."""
@@ -102,6 +120,9 @@ class Recording(RunRecording):
             return ()
         in_doubles = self.equations.core_type is _core.DOUBLE
         groups = [*wound(evaluator, run.references)] if evaluator.description.windings else []
+        if self.controls is not None:
+            rows = np.hstack([self.controls.held(run.sampled), run.references])
+            groups = [*grouped(evaluator.parameter_values, 0, rows)]
         plain = len(groups) <= 1 and all(of is evaluator.parameter_values for of, _ in groups)
         if in_doubles and not info.work_size and plain:
             sizes = (*evaluator.description.sizes, info.work_size, info.out_size)
@@ -125,6 +146,7 @@ class Recording(RunRecording):
         """Return the notes on the run: redundancy, losses of rank, stiffness, events."""
         return (
             *self.kernels.description.remarks,
+            *([self.controls.note] if self.controls else []),
             *_of_the_start(self.kernels, self.initial, self.chosen.t_end, self.redundant),
             *_of_redundancy(self.kernels, self.stepper, self.redundant),
             *_of_passages(self.kernels, self.stepper),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Self, TypeVar
 
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from symgen.calls import as_doubles, checked
 from symgen.errors import ModelError, check_known, shown
 from symgen.runtime.arrays import Array
+from symgen.runtime.kernels.arguments import reals
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
 
@@ -56,6 +57,61 @@ def state_at(evaluator: Evaluator, t: float, q: Array, u: Array, references: Arr
     parts, points = evaluator.blocks("points", t, q, u), evaluator.description.points
     positions, velocities = (dict(zip(points, parts[k], strict=True)) for k in ("positions", "velocities"))
     return State(t, q.copy(), u.copy(), positions, velocities, references)
+
+
+def parts_of(y: State | ArrayLike, t: ArrayLike, n: int) -> tuple[Array, Array, Array]:
+    """Return coordinates and rates of a state (n,), or of rows of states (rows, n), and a time per row [s].
+
+    Raises
+    ------
+    ModelError
+        For other shapes, and entries that are not real numbers.
+    """
+    given, at = (np.concatenate([y.q, y.u]), y.t) if isinstance(y, State) else (y, t)
+    rows, times = as_doubles(given), reals(at, "the time of a state")
+    if rows is None or rows.ndim not in (1, 2) or rows.shape[-1] != 2 * n:
+        got = shown(given) if rows is None else f"shape {rows.shape}"
+        raise ModelError(f"expected a state y = (q, u) of {2 * n} numbers, or rows of them, got {got}")
+    count = 1 if rows.ndim == 1 else len(rows)
+    if len(times) not in (1, count):
+        raise ModelError(f"expected one time [s], or one per state, got {shown(t)}")
+    return rows[..., :n], rows[..., n:], np.ascontiguousarray(np.broadcast_to(times, (count,)))
+
+
+def in_order(names: Sequence[str], y: State | ArrayLike, t: ArrayLike) -> dict[str, Any]:
+    """Return coordinates and rates of :func:`parts_of` by their names in order."""
+    q, u, _ = parts_of(y, t, len(names))
+    values, rates = (dict(zip(names, np.atleast_2d(x).T, strict=True)) for x in (q, u))
+    return _named(values, rates, q.ndim == 1)
+
+
+def _named(values: Mapping[str, Array], rates: Mapping[str, Array], single: bool) -> dict[str, Any]:
+    """Return coordinates, and their rates with a mark, by name; of a single state as numbers."""
+    found = {**values, **{f"{name}'": rate for name, rate in rates.items()}}
+    return {name: float(x.ravel()[0]) for name, x in found.items()} if single else found
+
+
+def by_name(
+    d: Description, positions: Array, velocities: Array, states: Array, single: bool
+) -> dict[str, Any]:
+    """Return coordinates of moving points and angles of links in the plane, by name, with their rates.
+
+    ``positions`` and ``velocities`` are those of all points, (rows, points, axes), ``states`` first-order
+    states (rows, states), which are behind them.
+    """
+    at = {point: i for i, point in enumerate(d.points)}
+    moving = [(p, i, k, x) for p, i in at.items() if p not in d.ground for k, x in enumerate(d.shown_axes)]
+    values, rates = (
+        {f"{p}.position.{x}": rows[:, i, k] for p, i, k, x in moving} for rows in (positions, velocities)
+    )
+    for link, points in d.links.items() if len(d.shown_axes) == 2 else ():
+        start, end = at[points[0]], at[points[1]]
+        (x, y), (v, w) = ((rows[:, end] - rows[:, start]).T for rows in (positions, velocities))
+        values[f"{link}.angle"] = np.arctan2(y, x)
+        rates[f"{link}.angle"] = (x * w - y * v) / (x * x + y * y)
+    found = _named(values, rates, single)
+    found |= _named(dict(zip(d.states, states.T, strict=True)), {}, single)
+    return found
 
 
 def reactions_at(evaluator: Evaluator, t: float, q: Array, u: Array, work: Array) -> dict[str, Array]:

@@ -18,6 +18,12 @@ from symgen.runtime.rods.linear import Statics
 _STEPS = 500
 #: Distance from the start, over the size, beyond which there is none.
 _AWAY = 1e4
+#: Length of the first step over the shortest time of the motion, and of the others over the time before.
+_FIRST, _GROWTH = 0.05, 0.2
+#: Most steps: each is longer by a fifth.
+_LONGER = 250
+#: Change of a step over the size of the state that ends them.
+_SETTLED = 1e-10
 
 
 def _in_motion(d: Description, name: str, when: str) -> str:
@@ -90,12 +96,15 @@ def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
     the axes nor on the points that carry a body. Otherwise Newton's method with damping leads to an
     equilibrium of any kind near the start; where the unbalanced force has a least value other than zero on
     its path, the linkage is led downhill as well. A start that is in equilibrium already is handed back.
+    With first-order states it is the rest at which the motion from the start settles.
 
     Raises
     ------
     SimulationError
         When none is found; it names the points with unbalanced forces, and these forces.
     """
+    if statics.constraints.description.states:
+        return _search(statics, _settled(statics, q), False)
     if not stable:
         references = statics.references
         try:
@@ -103,6 +112,37 @@ def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
         except (ModelError, SimulationError):
             statics.hold(references)
     return _search(statics, q, True)
+
+
+def _settled(statics: Statics, pose: Array) -> Array:
+    """Return a pose near the rest to which controllers and motors lead from rest at a pose.
+
+    Steps are short at first, so that signals leave their limits as in the motion, and end as those of
+    Newton's method (pseudo-transient continuation: C. T. Kelley and D. E. Keyes, SIAM J. Numer. Anal. 35,
+    1998). ``pose`` and the result have the states in the place of their integrals.
+    """
+    rates, time, cut = statics.rates(pose), 0.0, 1.0
+    for _ in range(_LONGER):
+        at = statics.at(pose, in_motion=True)
+        # Rates on the motions that the constraints leave at this pose.
+        rates = at.basis @ (at.basis.T @ statics.root @ (statics.root.T @ rates))
+        inverse = np.linalg.inv(at.mass)
+        quickest = np.linalg.norm(inverse @ at.damping) + np.sqrt(np.linalg.norm(inverse @ at.stiffness))
+        step = cut * (_GROWTH * time + _FIRST / max(quickest, 1e-100))
+        whole = statics.matrix("stiffness", pose, at.multipliers)
+        force = at.basis.T @ (statics.force(pose, rates) - step * whole @ rates)
+        matrix = at.mass / step + at.damping + step * at.stiffness
+        new = rates + at.basis @ np.linalg.lstsq(matrix, force, rcond=None)[0]
+        there = polished(statics.constraints, statics.pose(pose + step * new, new), statics.t, statics.root)
+        if there is None or not np.isfinite(there).all() or statics.revolves(pose, there):
+            cut /= 4
+            continue
+        change = np.max(np.abs(there - pose), initial=0.0)
+        statics.count(there)
+        pose, rates, time, cut = there, new, time + step, min(1.0, 2 * cut)
+        if change <= _SETTLED * np.max(np.abs(pose), initial=0.0) and step * quickest > 1.0:
+            break
+    return pose
 
 
 def _search(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
@@ -223,7 +263,7 @@ def _torque(statics: Statics, q: Array, best: Linearised) -> str:
 
 def _none(statics: Statics, q: Array, best: Linearised, far: bool) -> SimulationError:
     d = statics.constraints.description
-    pushed = np.linalg.norm(best.unbalanced.reshape(len(d.free), -1), axis=1)
+    pushed = np.linalg.norm(best.unbalanced[: d.of_points].reshape(len(d.free), -1), axis=1)
     order = [int(i) for i in np.argsort(-pushed, kind="stable")[:3] if pushed[i] > 0]
     points = ", ".join(f"{d.free[i]} by {pushed[i]:.3g}{'' if d.rates else ' N'}" for i in order)
     if far:
@@ -242,7 +282,9 @@ def _none(statics: Statics, q: Array, best: Linearised, far: bool) -> Simulation
 def describe(statics: Statics, q: Array, linearised: Linearised) -> Equilibrium:
     """Return the equilibrium with its reactions and the outputs that the scene selects."""
     constraints, t = statics.constraints, statics.t
-    d, evaluator, rest = constraints.description, statics.evaluator, np.zeros(constraints.n)
+    d, evaluator, rest = constraints.description, statics.evaluator, statics.rates(q)
+    if d.states:
+        linearised, q = statics.at(q, in_motion=True), q * (np.arange(len(q)) < d.of_points)
     work = np.zeros(evaluator.work_size + constraints.n + constraints.m + 1)
     work[constraints.n : constraints.n + constraints.m] = linearised.multipliers
     info = d.kernel("outputs")

@@ -29,7 +29,7 @@ class Statics:
         self.constraints, self.t = constraints, t
         self._statics = statics
         self.hold(np.zeros(statics.description.windings) if references is None else references)
-        self._rest = np.zeros(constraints.n)
+        self._rest, self._states = np.zeros(constraints.n), len(constraints.description.states)
         self._entries: dict[str, tuple[Indices, ...]] = {}
         metric = np.eye(constraints.n)
         if statics.has("metric"):
@@ -64,9 +64,21 @@ class Statics:
         #: Kernels of the equations of motion.
         self.evaluator = self.constraints.evaluator.holding(references)
 
-    def force(self, q: Array) -> Array:
-        """Return the applied forces on the coordinates at rest [N]."""
-        return self._statics("force", self.t, q, self._rest)
+    def force(self, q: Array, rates: Array | None = None) -> Array:
+        """Return the applied forces on the coordinates [N], by default at rest."""
+        return self._statics("force", self.t, q, self.rates(q) if rates is None else rates)
+
+    def rates(self, q: Array) -> Array:
+        """Return rates at rest: those of integrals are first-order states, which ``q`` has in their place."""
+        rates = self._rest.copy()
+        first = len(rates) - self._states
+        rates[first:] = q[first:]
+        return rates
+
+    def pose(self, q: Array, u: Array) -> Array:
+        """Return coordinates with first-order states in the place of their integrals."""
+        first = len(q) - self._states
+        return np.concatenate([q[:first], u[first:]])
 
     def matrix(self, name: str, q: Array, multipliers: Array) -> Array:
         """Return ``mass_matrix``, ``stiffness`` or ``damping``, shape (n, n)."""
@@ -77,7 +89,7 @@ class Statics:
             return whole
         work = np.zeros(self._statics.work_size + n + self.constraints.m + 1)
         work[n : n + self.constraints.m] = multipliers
-        entries = self._statics(name, self.t, q, self._rest, work)
+        entries = self._statics(name, self.t, q, self.rates(q), work)
         if name not in self._entries:
             names = self.constraints.description.of_coordinates()
             places = np.array(info.blocks[0].places(names, names), dtype=np.intp).reshape(-1, 3)
@@ -86,8 +98,8 @@ class Statics:
         whole[rows, columns] = entries[where]
         return whole
 
-    def at(self, q: Array) -> Linearised:
-        """Return the equations linearised at the pose q."""
+    def at(self, q: Array, in_motion: bool = False) -> Linearised:
+        """Return the equations linearised at the pose q; ``in_motion``: with states as rates of integrals."""
         constraints = self.constraints
         force = self.force(q)
         if not np.all(np.isfinite(force)):
@@ -110,11 +122,15 @@ class Statics:
         whole = [self.matrix(name, q, multipliers) for name in ("mass_matrix", "damping", "stiffness")]
         damped = np.isfinite(whole[1])
         whole[1][~damped] = 0.0
+        if self._states and not in_motion:
+            whole[2][:, -self._states :] = whole[1][:, -self._states :]
+            whole[1][:, -self._states :] = 0.0
         mass, damping, stiffness = (basis.T @ matrix @ basis for matrix in whole)
         stiffness[np.abs(stiffness) <= 16 * _EPS * np.max(np.abs(whole[2]), initial=0.0)] = 0.0
         size = float(max(np.max(np.abs(force), initial=0.0), np.max(np.abs(scaled), initial=0.0)))
         noise = 16 * _EPS * (size + float(np.max(np.abs(whole[2])) * np.max(np.abs(q))))
         unbalanced = force - carried
         return Linearised(
-            basis, mass, damping, stiffness, multipliers, unbalanced, size, noise, bool(np.all(damped))
-        )
+            basis, mass, damping, stiffness, multipliers, unbalanced, size, noise, bool(np.all(damped)),
+            self._states if in_motion else 0,
+        )  # fmt: skip

@@ -2,25 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from symgen.runtime.arrays import Array
+from symgen.runtime.integrate.controlled import controlled
 from symgen.runtime.integrate.failures import problem
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.simulate import effects_of, equations_of
 from symgen.runtime.integrate.stepper import Stepper
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.result.recording import located, nearest_turn, output_rows
+from symgen.runtime.model.arguments import LinkageRun
+from symgen.runtime.result.recording import Recording, located, nearest_turn, output_rows
 from symgen.runtime.result.records import LocatedEvent
+from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State, finite
 
 
 class LinkageStepper(Stepper):
     """A motion of a linkage or of a user-defined system that advances by calls."""
 
-    def __init__(self, model: Any, chosen: Options, state: State | None) -> None:
+    def __init__(
+        self,
+        model: Any,
+        chosen: Options,
+        state: State | None,
+        sampled: Callable[[float], Array] | None = None,
+    ) -> None:
         self._tangent = model.analysis("tangent") if chosen.method.needs_tangent else None
         self._redundant = model._stored_start().redundant
         evaluator = model.evaluator
@@ -30,7 +40,7 @@ class LinkageStepper(Stepper):
         info = d.kernel("outputs")
         blocks = info.blocks if info else ()
         self._turning = tuple((b.offset, angles[b.name]) for b in blocks if b.name in angles)
-        super().__init__(model, chosen, state)
+        super().__init__(model, chosen, state, sampled)
 
     def _independent(self) -> tuple[str, ...]:
         d = self._model.description
@@ -41,7 +51,7 @@ class LinkageStepper(Stepper):
         t, y, evaluator = 0.0, model._stored_start().y, model.evaluator
         if state is not None:
             if len(state.q) != model.description.coordinates:  # in space, of a linkage in a plane there
-                state = model.state(state.positions, state.velocities, state.t)
+                state = model.state(state.positions, state.velocities, state.t, model._states_of(state))
             (t, y), evaluator = finite(state), model.counting(state).evaluator
         equations, y0 = equations_of(evaluator, y, self._redundant, self._chosen, tangent=self._tangent)
         events = evaluator.description.events
@@ -51,8 +61,8 @@ class LinkageStepper(Stepper):
     @property
     def state(self) -> State:
         """The present state, for :meth:`reset` and for analyses of the model."""
-        y, n = self._run.present(), self._equations.n
-        references = self._run.references[0] if self._model.description.windings else None
+        (y, held, _), n = self._run.present(), self._equations.n
+        references = held if self._model.description.windings else None
         return self._model._state(self.t, y[:n], y[n : 2 * n], references)
 
     @property
@@ -66,11 +76,10 @@ class LinkageStepper(Stepper):
         return Evaluator(self._model.description, self._model.library, self._equations.parameters)
 
     def _evaluated(self) -> Array:
-        y = self._run.present()
         address, sizes = self._call
         if not (self._redundant and sizes[4]):
             return self._run.outputs(self._view, address, sizes, self._turning)
-        evaluator, turns = self._evaluator, self._run.turns[0]
+        evaluator, (y, _, turns) = self._evaluator, self._run.present()
         self._view.set_parameters(evaluator.parameter_values)
         row = output_rows(evaluator, self._view, np.array([self.t]), y[None], len(self._redundant))[0]
         for place, turn in self._turning:
@@ -79,3 +88,14 @@ class LinkageStepper(Stepper):
 
     def _cause(self, status: int) -> str:
         return problem(status, self._run, self._equations, self._evaluator, self._chosen)
+
+
+def controlled_run(model: Any, request: LinkageRun, chosen: Options) -> Result:
+    """Integrate with a controller and return the result: see :meth:`symgen.Model.simulate`."""
+    stepper, control = controlled(model, LinkageStepper, request, chosen)
+    status, wall = control.run(request.progress)
+    of = model.counting(request.state).evaluator, stepper._equations, stepper._run
+    result = Result._later(
+        Recording(*of, chosen, wall, model.library, stepper._redundant, request.state, control)
+    )
+    return control.finished(result, status)

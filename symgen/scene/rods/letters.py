@@ -87,6 +87,7 @@ def of_linkage(linkage: Linkage) -> tuple[Linkage, Letters]:
     owners = [p.name for p in linkage.points]
     owners += [x.name for of in (linkage.links, linkage.bodies, linkage.loads) for x in of]
     taken = [*states, *(p.quantity.name for p in linkage.parameters)]
+    taken += [x for s in linkage.states for x in (s.name, s.integral, f"{s.name}_rate")]
     letters = Letters(taken, owners, linkage.defaults, linkage.written)
     links = tuple(_link(letters, link) for link in linkage.links)
     bodies = tuple(_body(letters, body) for body in linkage.bodies)
@@ -109,6 +110,7 @@ def of_linkage(linkage: Linkage) -> tuple[Linkage, Letters]:
         loads=loads,
         drivers=tuple(_driver(letters, linkage, i) for i in range(len(linkage.drivers))),
         events=tuple(_event(letters, linkage, i) for i in range(len(linkage.events))),
+        states=tuple(replace(s, rate=letters.form(f"states.{s.name}.rate", s.rate)) for s in linkage.states),
     )
     windings = tuple(
         replace(w, free=angles.get((w.link, w.against, w.free), w.free)) for w in linkage.windings

@@ -17,7 +17,7 @@ from symgen.loads.measure import Measure
 from symgen.scene.elastic.links import Crank, ElasticLink, JointInSpace, ModalDamping, Station
 from symgen.scene.limit import Limit
 from symgen.scene.rods.rotations import GearPair, Hinge
-from symgen.scene.rods.run_parameters import Parameter, Switch, Winding, Written, defaults
+from symgen.scene.rods.run_parameters import FirstOrder, Parameter, Switch, Winding, Written, defaults
 from symgen.scene.units import Shown
 from symgen.symbolic.constants import rounded
 from symgen.symbolic.quantity import AXES, quantity
@@ -277,6 +277,7 @@ class Linkage:
     welded_angles: tuple[WeldedAngle, ...] = ()
     joints: tuple[JointInSpace, ...] = ()
     events: tuple[Event, ...] = ()
+    states: tuple[FirstOrder, ...] = ()
     gears: tuple[GearPair, ...] = ()
     windings: tuple[Winding, ...] = ()
     switches: tuple[Switch, ...] = ()

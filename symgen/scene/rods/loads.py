@@ -1,9 +1,10 @@
-"""Point masses and loads of a scene."""
+"""Point masses, loads and first-order states of a scene."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from fractions import Fraction
 
 import sympy as sp
 
@@ -13,7 +14,9 @@ from symgen.loads.load import Load
 from symgen.scene import units
 from symgen.scene.reading import Reader
 from symgen.scene.rods.linkage import TIME, PlacedMass, RigidLink
+from symgen.scene.rods.run_parameters import FirstOrder
 from symgen.scene.schema import PointMass
+from symgen.scene.units import is_quantity
 
 
 def masses(read: Reader, links: Sequence[RigidLink]) -> Iterator[PlacedMass]:
@@ -51,6 +54,32 @@ def loads(read: Reader) -> Iterator[Load]:
     for table, kind in LOADS.items():
         for i, written in enumerate(getattr(read.scene, table)):
             yield kind.read(read, written, kind.numbered(i), f"{table}.{i}")
+
+
+def states(read: Reader) -> Iterator[FirstOrder]:
+    """Yield the states of the scene; none for kinematics, which has no loads either.
+
+    Raises
+    ------
+    SceneError
+        For a scene with elastic links.
+    """
+    scene = read.scene
+    for name, written in scene.states.items() if scene.analysis.kind == "dynamics" else ():
+        where = f"states.{name}"
+        if any(link.elastic is not None for link in scene.links.values()):
+            raise SceneError(
+                "states are for linkages with rigid links",
+                where=where,
+                hint="Run the linkage with rigid links, or give the load as a function of the motion.",
+            )
+        dim = read.states[name][1]
+        value = read.value(written.start, dim, f"{where}.start")
+        rates = dim.times(units.TIME.power(Fraction(-1)))
+        rate = read.value(written.rate, rates, f"{where}.rate", read.with_state())
+        of_state = units.shown_unit(str(written.start)) if is_quantity(str(written.start)) else dim.unit
+        all_units = of_state, rates.unit, dim.times(units.TIME).unit
+        yield FirstOrder(name, all_units, value, rate, written.about.strip() or f"state {name}")
 
 
 def _turned(read: Reader, links: Sequence[RigidLink], mass: PointMass, where: str) -> str:

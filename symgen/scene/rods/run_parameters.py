@@ -150,6 +150,28 @@ class Switch:
 
 
 @dataclass(frozen=True, slots=True)
+class FirstOrder:
+    """A state x whose rate is ``rate``, of the time t and the state.
+
+    ``units`` are those of x, its rate and its integral.
+
+    It is the rate of a coordinate of its own, its integral, of mass 1 under the force ``rate``: nothing
+    depends on the integral.
+    """
+
+    name: str
+    units: tuple[str, str, str]
+    start: sp.Expr
+    rate: sp.Expr
+    about: str
+
+    @property
+    def integral(self) -> str:
+        """Name of the coordinate."""
+        return f"{self.name}_integral"
+
+
+@dataclass(frozen=True, slots=True)
 class Winding:
     """An angle in a load: of a link beyond ``free`` [rad], from ``against`` or the x axis (empty).
 

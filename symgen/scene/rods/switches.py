@@ -11,7 +11,7 @@ from typing import Any
 import sympy as sp
 
 from symgen.scene.loop.loop import JointVariable, Loop, LoopLoad
-from symgen.scene.rods.linkage import TIME, Linkage, Vector
+from symgen.scene.rods.linkage import TIME, Linkage, Vector, state_symbol
 from symgen.scene.rods.run_parameters import Parameter, Switch
 from symgen.symbolic.quantity import quantity
 from symgen.symbolic.switch import PiecewisePolynomial, Sign, written
@@ -30,12 +30,16 @@ def with_switches(linkage: Linkage) -> Linkage:
     if linkage.kinematic:
         return linkage
     linkage = _without_switches(linkage)
-    switches, crank = _Switches(linkage.parameters), linkage.crank
+    words = {state_symbol(f"{s.name}.state"): sp.Symbol(s.name) for s in linkage.states}
+    switches, crank = _Switches(linkage.parameters, words), linkage.crank
     changed = replace(
         linkage,
         loads=tuple(
             load.with_expressions(partial(switches.with_branches, _place(table, i), this=load.name))
             for table, i, load in linkage.placed_loads
+        ),
+        states=tuple(
+            replace(s, rate=switches.with_branches(f"[states] {s.name}", s.rate)) for s in linkage.states
         ),
         crank=crank and replace(crank, torque=switches.with_branches("[crank]", crank.torque, crank.link)),
         **_prescribed(linkage, switches),
@@ -114,16 +118,22 @@ def _without_switches(linkage: Linkage) -> Linkage:
     return replace(
         linkage,
         loads=tuple(load.with_expressions(lambda x: x.xreplace(old)) for load in linkage.loads),
+        states=tuple(replace(s, rate=s.rate.xreplace(old)) for s in linkage.states),
         parameters=tuple(p for p in linkage.parameters if p.quantity not in quantities),
         switches=(),
     )
 
 
 def loads_of(linkage: Linkage) -> Iterator[tuple[str, Vector, str]]:
-    """Yield the loads written as expressions: where, these, and the owner of the state called ``this``."""
+    """Yield the loads written as expressions: where, these, and the owner of the state called ``this``.
+
+    Rates of first-order states are behind them.
+    """
     for table, i, load in linkage.placed_loads:
         if load.expressions:
             yield _place(table, i), load.expressions, load.name
+    for state in linkage.states:
+        yield f"[states] {state.name}", (state.rate,), ""
 
 
 def _place(table: str, index: int) -> str:

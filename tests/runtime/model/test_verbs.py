@@ -14,7 +14,16 @@ from symgen.runtime.model.model import VERBS
 from symgen.runtime.model.verbs import accepted
 
 LINEAR = {"linearise", "mass_matrix", "jacobian", "sensitivity"}
-RODS = {"simulate", "stepper", "record", "equilibrium", "modes", "accelerations", "batch"} | LINEAR
+RODS = {
+    "simulate",
+    "stepper",
+    "record",
+    "coordinates",
+    "equilibrium",
+    "modes",
+    "accelerations",
+    "batch",
+} | LINEAR
 DRIVEN = {"kinematics", "inverse_dynamics", "assemblies"}
 AT_REST = {"equilibrium", "modes"}
 ELASTIC = {"periodic", "quasi_static", "large_rotation", "speed_response", "matrices"}
@@ -23,10 +32,11 @@ SUPPORTED = {
     "four_bar": RODS,
     "double_four_bar": RODS,  # as many constraints as coordinates, one of them redundant
     "crank_rocker": (RODS | DRIVEN) - AT_REST,
-    "slider_crank": DRIVEN | {"batch", "sensitivity", "jacobian"},
+    "slider_crank": DRIVEN | {"batch", "coordinates", "sensitivity", "jacobian"},
     "cssp": {
         "simulate",
         "stepper",
+        "coordinates",
         "assemblies",
         "batch",
         "linearise",
@@ -34,11 +44,11 @@ SUPPORTED = {
         "mass_matrix",
         "jacobian",
     },
-    "thesis_four_bar": RODS - {"accelerations", "record", "equilibrium", "stepper"} - LINEAR
+    "thesis_four_bar": RODS - {"accelerations", "record", "coordinates", "equilibrium", "stepper"} - LINEAR
     | DRIVEN
     | ELASTIC
     | EXACT,
-    "elastic_four_bar_motor": RODS - {"accelerations", "record", "stepper"} - LINEAR
+    "elastic_four_bar_motor": RODS - {"accelerations", "record", "coordinates", "stepper"} - LINEAR
     | DRIVEN
     | ELASTIC
     | EXACT,
@@ -64,7 +74,7 @@ def test_models_support_the_analyses_of_their_kind(scene):
 
 def test_kinematic_scenes_and_user_defined_systems_support_few(tmp_path):
     model = symgen.build("crank_rocker", set=KINEMATIC)
-    assert set(model.capabilities) == with_many(DRIVEN - {"inverse_dynamics"} | {"batch"})
+    assert set(model.capabilities) == with_many(DRIVEN - {"inverse_dynamics"} | {"batch", "coordinates"})
     with pytest.raises(CapabilityError, match=r"kinematics only(.|\n)*analysis\.kind=dynamics"):
         model.simulate()
     file = tmp_path / "square.py"

@@ -149,6 +149,7 @@ def _alone(source: Recording, chosen: Options, starts: set[float], arguments: Ma
     long = chosen.rtol == chosen.atol == 0.0 and chosen.t_end - min(starts) > MOST_STEPS * chosen.step > 0.0
     in_c = source.equations.core_type is _core.DOUBLE and source.library.backend in ("c", "shipped")
     reasons = {
+        "a controller sets inputs": source.controls is not None,
         "max_wall is given": arguments.get("max_wall") is not None,
         "kernels are not compiled for float64": not in_c,
         "the scene has events": bool(d.events),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +14,7 @@ from symgen.errors import ModelError, check_known
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.arguments import real
 from symgen.runtime.model.arguments import LinkageDerivatives, takes
-from symgen.runtime.result.state import State
+from symgen.runtime.result.state import State, in_order
 from symgen.runtime.rods.model.rods import RodModel
 
 if TYPE_CHECKING:
@@ -48,6 +48,7 @@ class GeneralModel(RodModel):
         positions: Mapping[str, ArrayLike],
         velocities: Mapping[str, ArrayLike] | None = None,
         t: float = 0.0,
+        states: Mapping[str, float] | None = None,
     ) -> State:
         """Return a state from coordinates and their rates, both by the names of the coordinates.
 
@@ -61,6 +62,7 @@ class GeneralModel(RodModel):
         names = self.description.free
         for name in (*positions, *(velocities or {})):
             check_known(name, names, f"{self.name} has no coordinate")
+        self._of_states(states or {})
 
         def numbers(values: Mapping[str, ArrayLike], default: Array) -> Array:
             given = default.copy()
@@ -72,6 +74,9 @@ class GeneralModel(RodModel):
 
         q = numbers(positions, self._stored_start().q)
         return self._state(t, q, numbers(velocities or {}, np.zeros(len(names))))
+
+    def _coordinates(self, y: State | ArrayLike, t: ArrayLike = 0.0) -> dict[str, Any]:
+        return in_order(self.description.free, y, t)
 
     @takes(LinkageDerivatives)
     def _sensitivity(self, request: LinkageDerivatives) -> Sensitivity:

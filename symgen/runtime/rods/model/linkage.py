@@ -12,15 +12,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from symgen.calls import checked
-from symgen.errors import ModelError
+from symgen.errors import ModelError, check_known
 from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.pace import uncounted
+from symgen.runtime.kernels.arguments import real
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.kernels.library import Library
 from symgen.runtime.model.arguments import LinkageMotion, takes
 from symgen.runtime.model.model import Model
-from symgen.runtime.result.state import AssemblyModes, State, coordinates, state_at
+from symgen.runtime.result.state import AssemblyModes, State, by_name, coordinates, parts_of, state_at
 from symgen.runtime.rods.start import Start
 
 if TYPE_CHECKING:
@@ -105,6 +106,7 @@ class LinkageModel(Model):
         positions: Mapping[str, ArrayLike],
         velocities: Mapping[str, ArrayLike] | None = None,
         t: float = 0.0,
+        states: Mapping[str, float] | None = None,
     ) -> State:
         """Return a state from the positions [m] and velocities [m/s] of the moving points, by name.
 
@@ -113,6 +115,7 @@ class LinkageModel(Model):
 
         Instead of points, both may name independent coordinates as in :meth:`linearise`, such as
         ``crank.angle`` [rad]: the linkage is moved there from its start, on its assembly branch.
+        ``states`` are first-order states by name; omitted ones are those of the start.
 
         Raises
         ------
@@ -120,14 +123,30 @@ class LinkageModel(Model):
             For missing or unknown names, numbers that are not finite, and coordinates that do not determine
             the pose or cannot be reached.
         """
-        d = self.description
+        d, references = self.description, None
+        given, rates = self._of_states(states or {}), velocities or {}
         if any("." in name for name in positions):
-            return self._state(t, *self._placed(positions, velocities or {}, t))
-        q, u = (
-            coordinates(d, positions, "positions", "m"),
-            coordinates(d, velocities or {}, "velocities", "m/s", 0.0),
-        )
-        return self._state(t, q, u)
+            integrals = dict.fromkeys(d.integrals, 0.0)
+            q, u, references = self._placed({**positions, **integrals}, rates, t)
+        else:
+            q = np.append(coordinates(d, positions, "positions", "m"), np.zeros(len(given)))
+            u = np.append(coordinates(d, rates, "velocities", "m/s", 0.0), given)
+        u[d.of_points :] = given
+        return self._state(t, q, u, references)
+
+    def _states_of(self, state: State) -> dict[str, float]:
+        """Return the first-order states of a state, in the plane or in space."""
+        names = self.description.states
+        return dict(zip(names, state.u[max(0, len(state.u) - len(names)) :].tolist(), strict=False))
+
+    def _of_states(self, values: Mapping[str, float]) -> Array:
+        """Return the first-order states in order: those given, and the others of the start."""
+        d = self.description
+        for name in values:
+            check_known(name, d.states, f"{self.name} has no state")
+        first = self._stored_start().u[d.of_points :] if d.states else np.zeros(0)
+        pairs = zip(d.states, first, strict=True)
+        return np.array([real(values.get(name, x), f"{self.name}: {name}") for name, x in pairs])
 
     def _placed(
         self, values: Mapping[str, ArrayLike], rates: Mapping[str, ArrayLike], t: float
@@ -135,6 +154,16 @@ class LinkageModel(Model):
         """Return coordinates, velocities and references of angles in loads at given coordinates."""
         raise ModelError(
             f"{self.name} has no independent coordinates: expected points, got {', '.join(values)}"
+        )
+
+    def _coordinates(self, y: State | ArrayLike, t: ArrayLike = 0.0) -> dict[str, Any]:
+        q, u, times = parts_of(y, t, self.description.coordinates)
+        rows = self.evaluator.many_blocks(
+            "points", times, q.reshape(len(times), -1), u.reshape(len(times), -1)
+        )
+        d = self.description
+        return by_name(
+            d, rows["positions"], rows["velocities"], np.atleast_2d(u)[:, d.of_points :], q.ndim == 1
         )
 
     def analysis(self, kind: str, stepping: bool = False, outputs: tuple[str, ...] = ()) -> Evaluator:
@@ -171,6 +200,11 @@ class LinkageModel(Model):
 
     def _refused(self, name: str) -> str | None:
         driven = name in ("kinematics", "inverse_dynamics", "assemblies")
+        if driven and self.description.states:
+            return (
+                "drives do not determine its [states]\n"
+                '  Run it, or write kind = "kinematics" under [analysis], which omits loads and states.'
+            )
         if driven and (missing := self.description.freedom) > 0:
             return (
                 f"it has more degrees of freedom than drives and needs {missing} more "

@@ -7,6 +7,8 @@ from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+from numpy.typing import ArrayLike
+
 from symgen.calls import checked
 from symgen.runtime.arrays import Array
 from symgen.runtime.model.arguments import LinkageDerivatives, LinkageForces, LinkageMotion, LinkageRun, takes
@@ -47,13 +49,18 @@ class PlaneModel(RodModel):
         """Return a state by the coordinates in space."""
         if state is None or len(state.q) == self.in_space.description.coordinates:
             return state
-        return self.in_space.state(state.positions, state.velocities, state.t)
+        return self.in_space.state(state.positions, state.velocities, state.t, self._states_of(state))
 
     def _in_plane(self, state: State | None) -> State | None:
         """Return a state by the coordinates in the plane."""
         if state is None or len(state.q) == self.description.coordinates:
             return state
-        return self.state(state.positions, state.velocities, state.t)
+        return self.state(state.positions, state.velocities, state.t, self._states_of(state))
+
+    def _coordinates(self, y: State | ArrayLike, t: ArrayLike = 0.0) -> dict[str, Any]:
+        if isinstance(y, State):
+            return super()._coordinates(self._in_plane(y) or y)
+        return super()._coordinates(y, t)
 
     def _accelerations(self, state: State | None = None) -> Accelerations:
         return super()._accelerations(self._in_plane(state))

@@ -25,7 +25,7 @@ from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import Accelerations, State, finite, reactions_at
 from symgen.runtime.rods.model.linkage import LinkageModel
 from symgen.runtime.rods.start import Start, start
-from symgen.runtime.rods.stepper import LinkageStepper
+from symgen.runtime.rods.stepper import LinkageStepper, controlled_run
 
 if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
@@ -49,11 +49,10 @@ class RodModel(LinkageModel):
     def mobility(self) -> tuple[str, ...]:
         """Degrees of freedom at the start, and redundant constraints, as one line of text each."""
         d, redundant = self.description, self.redundant
-        implied = ", ".join(redundant) or "none"
-        freedom = degrees(d.coordinates - len(d.constraints) + len(redundant))
+        freedom = degrees(d.of_points - len(d.constraints) + len(redundant))
         return (
             f"{d.extent}: {freedom} of freedom at the start",
-            f"redundant: {implied}",
+            f"redundant: {', '.join(redundant) or 'none'}",
         )
 
     def _begun(self) -> Start:
@@ -143,10 +142,9 @@ class RodModel(LinkageModel):
     def _record(self, times: ArrayLike, states: ArrayLike, inputs: ArrayLike | None = None) -> Result:
         from symgen.runtime.model.rhs import recorded, rows
 
-        d = self.description
         t = rows("times", times, ())
-        y = rows("states", states, (len(t), 2 * d.coordinates))
-        u = None if inputs is None else rows("inputs", inputs, (len(t), len(d.inputs)))
+        y = rows("states", states, (len(t), 2 * self.description.coordinates))
+        u = None if inputs is None else rows("inputs", inputs, (len(t), len(self.description.inputs)))
         if not np.all(np.diff(t) > 0):
             raise ModelError(f"{self.name}: expected increasing times for record")
         return recorded(self.evaluator, len(self.redundant), t, y, u, method="external", backend=self.backend)
@@ -233,9 +231,8 @@ class RodModel(LinkageModel):
         requested = dict.fromkeys([*derivatives(d, names), *(outputs or ())])
         tangents = self._tangents(at, tuple(requested))
         shown = names if outputs is None else list(outputs)
-        values = [self.parameters[name] for name in chosen]
-        coordinate_values = dict(zip(chosen, values, strict=True))
-        linearisation = state_space(tangents, names, coordinates is not None, coordinate_values, shown)
+        values = {name: self.parameters[name] for name in chosen}
+        linearisation = state_space(tangents, names, coordinates is not None, values, shown)
         return replace(linearisation, at_equilibrium=at is not None and not isinstance(at, State))
 
     @takes(LinkageDerivatives)
@@ -244,14 +241,15 @@ class RodModel(LinkageModel):
         from symgen.runtime.linearisation.state_space import derivatives
         from symgen.runtime.result.equilibrium import Equilibrium
 
-        at, along, coordinates, d = request.at, request.along, request.coordinates, self.description
+        d, initial = self.description, [f"{x}{mark}" for mark in ("", "'") for x in request.coordinates]
+        request = replace(request, coordinates=[*request.coordinates, *d.integrals])
+        at, along, coordinates = request.at, request.along, request.coordinates
         if not (at is None or isinstance(at, State | Equilibrium | float | int)):
             raise ModelError(f"{self.name}: expected a state, an equilibrium or a time for at, got {at!r}")
         if not along and (run_arguments := request.of_run + ["integrals"] * bool(request.integrals)):
             named = ", ".join(f"{{{name}}}" for name in run_arguments)
             raise OptionsError(f"{named} is for derivatives along a run: give {{t_end}} or {{t_eval}}, too")
-        initial = [*coordinates, *(f"{name}'" for name in coordinates)] if along else []
-        by = self._differentiated(request.parameters, initial)
+        by = self._differentiated(request.parameters, initial if along else [])
         spectra = [name for name in dict.fromkeys(request.outputs) if name in ("frequencies", "poles")]
         if spectra and (along or at is None or isinstance(at, State | float | int)):
             raise ModelError(f"{spectra[0]} belong to an equilibrium: give model.equilibrium() for at")
@@ -302,7 +300,7 @@ class RodModel(LinkageModel):
             return begin
         from symgen.runtime.rods.following import reached
 
-        if not d.freedom:
+        if not (d.freedom or d.states):
             return self._state(t, *reached.by_drives(self.constraints(), begin, t))
         if not t > begin.t:
             raise ModelError(f"expected a time t after {begin.t:g} s, that of the first state, got {t!r}")
@@ -368,10 +366,10 @@ class RodModel(LinkageModel):
         begin, constraints = self.initial_state() if state is None else state, self.constraints()
         when = begin.t if at is None else float(at)
         at_rest(constraints, begin.q, when)
-        if not self.description.freedom:
+        if not (self.description.freedom or self.description.states):
             begin = self.reached(when, begin)
         statics = Statics(constraints, self.analysis("statics"), when, begin.references)
-        return describe(statics, *find(statics, begin.q, stable))
+        return describe(statics, *find(statics, statics.pose(begin.q, begin.u), stable))
 
     def _modes(self, at: Equilibrium | float | None = None) -> Modes:
         from symgen.runtime.result.equilibrium import Equilibrium
@@ -390,9 +388,11 @@ class RodModel(LinkageModel):
     def _simulate(self, request: LinkageRun) -> Result:
         chosen = request.options(self.description.t_end, self._type, request.stabilisation_rate, self._series)
         with limited(request.max_wall):
+            if request.controlled:
+                return controlled_run(self, request, chosen)
             tangent = self.analysis("tangent", stepping=True) if chosen.method.needs_tangent else None
-            start = self._stored_start()
-            t, y, kernels = 0.0, start.y, self.evaluator
+            start, kernels = self._stored_start(), self.evaluator
+            t, y = 0.0, start.y
             if request.state is not None:
                 (t, y), kernels = finite(request.state), self.counting(request.state).evaluator
             recorded = (request.keeping(), tangent, request.t_eval, request.state)
