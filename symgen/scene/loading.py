@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -22,6 +23,7 @@ SHIPPED = Path(__file__).resolve().parent.parent / "scenes"
 _LARGEST = 4_000_000
 _DEEPEST = 20  # tables in tables: a scene has four
 _LONGEST_NAME = 40
+_WORD = re.compile(r"[A-Za-z]\w*", re.ASCII)
 #: Hint on an unknown name that is near none.
 _LISTS = "'symgen scenes' lists the shipped ones."
 
@@ -199,7 +201,36 @@ def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
                 or _respelled(path, last, table)
                 or nearest(key, [name for table in named for name in table]),
             )
-    return _with_points(SceneText(text.name, text.file, _left(data)))
+    left = _left(data)
+    _check_used(text, left)
+    return _with_points(SceneText(text.name, text.file, left))
+
+
+def _check_used(text: SceneText, data: Mapping[str, Any]) -> None:
+    """Raise SceneError for a parameter that was added, and whose name occurs nowhere in the scene."""
+    known, present = (of.get("parameters") or {} for of in (text.data, data))
+    added = [name for name in present if name not in known] if isinstance(present, dict) else []
+    words = {word for written in _texts(data) for word in _WORD.findall(written)} if added else set()
+    for name in added:
+        if name not in words:
+            raise SceneError(
+                f"nothing uses the new parameter {name!r}",
+                where=f"parameters.{name}",
+                file=text.file,
+                hint=nearest(name, known, f"Write it into another value as well: links.LINK.mass={name}."),
+            )
+
+
+def _texts(data: Any) -> Iterator[str]:
+    """Yield the texts in tables and lists, but titles and explanations."""
+    if isinstance(data, dict):
+        for key, value in data.items():
+            yield from () if key in ("title", "about") else _texts(value)
+    elif isinstance(data, list):
+        for value in data:
+            yield from _texts(value)
+    elif isinstance(data, str):
+        yield data
 
 
 def _as_written(text: SceneText, changes: Mapping[str, Any]) -> dict[str, Any]:

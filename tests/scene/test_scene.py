@@ -79,6 +79,8 @@ def test_overrides():
     for key in ("roh", "links.OX.mass", "title.x"):
         with pytest.raises(SceneError, match="no parameter and no key"):
             override(text, {key: "1"})
+    with pytest.raises(SceneError, match=r"nothing uses the new parameter 'roh'\n  Did you mean 'rho'"):
+        override(text, {"parameters.roh": "2 kg/m"})
     for key, meant in (("parameter.k", "parameters.k"), ("springs.stiffness", "springs.0.stiffness")):
         with pytest.raises(SceneError, match=f"Did you mean '{meant}'"):
             override(SceneText("a", "a.toml", {"springs": [{"stiffness": "k"}]}), {key: "1"})
@@ -103,8 +105,12 @@ def test_a_table_of_parameters_keeps_those_that_it_does_not_name():
     model = symgen.build(scene, set=law | {"forces.0.force": ["F - k*P.x", "G"]}, backend="numpy")
     assert dict(model.parameters) == {"m": 1.0, "F": 0.0, "G": 1.0}
     assert model.accelerations().reactions["A"] == pytest.approx([0.0, 9.81 - 1.0])
-    more = override(SceneText("a", "a.toml", {"title": "none"}), {"parameters.c": "1 N"})
-    assert more.data["parameters"] == {"c": "1 N"}
+    bare, used = SceneText("a", "a.toml", {"title": "with c"}), [{"point": "P", "force": ["2*c", 0]}]
+    assert override(bare, {"parameters.c": "1 N", "forces": used}).data["parameters"] == {"c": "1 N"}
+    with pytest.raises(
+        SceneError, match=r"a.toml: \[parameters\] c: nothing uses the new parameter 'c'\n  Write it"
+    ):
+        override(bare, {"parameters.c": "1 N"})
     replaced = {"value": "1 kg", "about": "mass"}
     assert override(text_of(scene), {"m": replaced}).data["parameters"]["m"] == replaced
 
