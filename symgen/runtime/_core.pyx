@@ -664,7 +664,8 @@ cdef class Run:
         if method.kind == "taylor" and not equations.core.sizes.series_rows:
             raise ModelError(
                 f"{method.name}: power series are for compiled linkages, of fewer than about 100 rods, free loops and user-defined "
-                "systems, without powers of varying exponent, and those of users without abs, sign and max\n  Choose dop853."
+                "systems, without powers of varying exponent, and those of users without abs (such as of sqrt(x**2)), sign and max\n"
+                "  Choose dop853."
             )
         self.scheme = self.of.scheme(method)
         self.asked.t0, self.asked.t_end, self.asked.rtol, self.asked.atol = t0, t_end, rtol, atol

@@ -23,7 +23,7 @@ enum status {
     ENDED,      /* a terminal event ended the run */
     UNSOLVED,   /* the implicit equations of a fixed step were not solved */
     AGAIN,      /* adaptive methods only: the step failed, try state->shrink times its length */
-    SLIDING     /* the motion stays at the jump of a load: neither branch leaves it */
+    SLIDING     /* the motion stays at a switching point: neither branch of a load leaves it, or a drive jumps there */
 };
 
 /* A generated kernel; its header lists the arguments that it reads. */

@@ -541,7 +541,7 @@ static int one_step(struct run *run) {
     do {
         status = accepted_step(run, &t_new, &h);
         if (status != DONE)
-            return status;
+            return behind_jump(run, status);
         sound = run->e->account->soundness;
         status = kind->finish(run, h, t_new);
         if (status != DONE)
@@ -555,8 +555,8 @@ static int one_step(struct run *run) {
             sound = run->e->account->soundness;
         }
     } while (status == AGAIN);
-    if (status == DONE && h == 0)
-        status = switch_over(run, crossed);
+    if (status == DONE)
+        status = h == 0 ? switch_over(run, crossed) : behind_jump(run, DONE);
     if (status != DONE || h == 0)
         return status == DONE ? MORE : status;
     locate_events(run, t_new, h, &prepared);

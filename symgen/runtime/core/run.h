@@ -153,6 +153,9 @@ struct state {
     /* switching points passed; the point that the motion cannot leave (-1: none); changes of branch without a step */
     long switchings, slid, flips;
     real t_switched;
+    /* at t_switched: errors of constraints and of their rates before, and the point at which they jump (-1: none) */
+    real unswitched[2];
+    long jumped;
     /* the first event without a finite value, -1: none, and its time */
     long blind;
     real t_blind;
@@ -323,6 +326,8 @@ int begin_switches(struct run *run);
 int end_at_switch(struct run *run, real *t_new, real *h, long *crossed);
 /* Switch to the other branch behind a switching point and restart the method: DONE, or the status of the failure. */
 int switch_over(struct run *run, long k);
+/* Return the status of a step; SLIDING where it begins at a switching point at which constraints or their rates jump. */
+int behind_jump(struct run *run, int status);
 /* Update the distances from switching points: DONE, or SLIDING if a switching point makes the motion stiff. */
 int watch_switches(struct run *run);
 /* Release all branches: loads then depend on the state alone. */

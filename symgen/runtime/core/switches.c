@@ -334,9 +334,43 @@ static long most_flips(const struct run *run) {
     return 2 * run->e->sizes.switches + (run->e->sizes.tables ? KNOTS_AT_ONCE : 0);
 }
 
+/* Whether the drives of a model have switching points: their constraints may jump there. */
+static int may_jump(const struct run *run) {
+    return run->e->of == &kernel_behaviour && run->e->m > 0;
+}
+
+static void read_errors(struct run *run, real *errors) {
+    errors[0] = position_error(run->e, run->state->t, run->y);
+    errors[1] = velocity_error(run->e, run->state->t, run->y);
+}
+
+/* Whether constraints or their rates differ from those on the branches before, beyond the rounding of the time. */
+static int jumps(struct run *run) {
+    const struct state *s = run->state;
+    const long n = run->e->n;
+    const real late = R(16) * instant(run, 0), rate = largest_of(run->y + n, n);
+    real now[2], small;
+    if (!may_jump(run))
+        return 0;
+    read_errors(run, now);
+    small = R(1e-9) * size_of(run->e, run->y);
+    return now[0] > R(10) * s->unswitched[0] + small + late * rate
+           || now[1] > R(10) * s->unswitched[1] + small / scale_of(run) + R(1e-6) * rate + late * largest_of(run->f + n, n);
+}
+
+int behind_jump(struct run *run, int status) {
+    struct state *s = run->state;
+    if (!s->switchings || s->t_switched != s->t || s->jumped < 0)
+        return status;
+    s->slid = s->jumped;
+    return SLIDING;
+}
+
 int switch_over(struct run *run, long k) {
     struct state *s = run->state;
     real least = blur(run, k, s->t, run->y), h = scale_of(run);
+    if (may_jump(run) && !(s->switchings && s->t_switched == s->t))
+        read_errors(run, s->unswitched);
     const real branch = other_branch(run, k);
     hold(run, k, branch);
     find_again(run, k);
@@ -351,6 +385,7 @@ int switch_over(struct run *run, long k) {
         s->slid = k;
         return SLIDING;
     }
+    s->jumped = jumps(run) ? k : -1;
     int status = run->scheme.kind->begin(run);
     return status == DONE && !all_finite(run->f, run->dim) ? NOT_FINITE : status;
 }

@@ -22,6 +22,8 @@ _UNITS = {"vx": "m/s", "vy": "m/s", "vz": "m/s", "rate": "rad/s", "angular_veloc
 _UNITS |= {"x": "m", "y": "m", "z": "m", "length": "m", "angle": "rad", "t": "s"}
 #: A failed run's message names pivots that keep less than this.
 _NEAR = 1e-2
+#: In the text of a switching point: it is that of a prescribed motion, not of a load.
+_PRESCRIBED = re.compile(r" in the (drive|motion|length) of ")
 #: Small part of positions, the rounding of doubles, and the number of its signs that are tried.
 _PART, _ROUNDINGS = 2.0**-52, 6
 #: What failures of power series may have as their cause, whatever else the message says.
@@ -71,6 +73,11 @@ def _problem(
             f"{description.labels[stepper.worst]} strayed by {stepper.position_drift:.4g} m, more than "
             f"max_drift = {chosen.max_drift:g} m, {at}\n  Use the stabilisation 'projection', tighter "
             f"tolerances or a smaller step. {where}"
+        )
+    if status == _core.SLIDING and _PRESCRIBED.search(jump := description.switches[stepper.slid]):
+        return (
+            f"the prescribed motion, or its rate, jumps with {jump} {at}: no acceleration takes it further\n"
+            f"  Choose parameters with which its parts end as they begin, or write a profile.NAME. {where}"
         )
     if status == _core.SLIDING:
         return of_sliding(description.switches[stepper.slid], at, f"Run it by the method radau5. {where}")

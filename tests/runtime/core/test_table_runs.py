@@ -12,6 +12,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 import symgen
+from symgen.errors import SimulationError
 
 V_TWIN = Path(__file__).parents[2] / "cases" / "machines" / "v_twin.toml"
 AT = [0, 30, 55, 90, 140, 200, 260, 300, 330]
@@ -131,27 +132,25 @@ def test_without_a_period_the_ends_are_kept():
     assert float(run["B.velocity.x"][-1]) == pytest.approx(0.1 * 2 + 0.2 * 4 + 0.2 * 6, rel=1e-13)
 
 
-def driven(angle, **tables):
-    """A crank with a prescribed angle and a rod that hangs at its end."""
+def driven(angle, free=True, k=0.4, **tables):
+    """A crank with a prescribed angle and, if ``free``, a rod that hangs at its end."""
+    rods = {"crank": {"points": ["O", "A"], "mass": "1 kg"}, "rod": {"points": ["A", "B"], "mass": "0.5 kg"}}
+    points = {
+        "O": {"at": ["0 m", "0 m"], "ground": True},
+        "A": {"at": ["0.04 m", "0 m"]},
+        "B": {"at": ["0.14 m", "0 m"]},
+    }
+    count = 2 if free else 1
+    outputs = ["crank.angle", "crank.angular_acceleration", "crank.torque", "rod.angle"]
     return symgen.Scene(
         tables=tables,
-        parameters={"T": "0.4 s"},
-        points={
-            "O": {"at": ["0 m", "0 m"], "ground": True},
-            "A": {"at": ["0.04 m", "0 m"]},
-            "B": {"at": ["0.14 m", "0 m"]},
-        },
-        links={
-            "crank": {"points": ["O", "A"], "mass": "1 kg"},
-            "rod": {"points": ["A", "B"], "mass": "0.5 kg"},
-        },
+        parameters={"T": "0.4 s", "k": {"value": k, "tunable": True}},
+        points=dict([*points.items()][: count + 1]),
+        links=dict([*rods.items()][:count]),
         drivers=[{"link": "crank", "angle": angle}],
         gravity={"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
-        start={"rates": {"rod": "0 rad/s"}},
-        analysis={
-            "t_end": "1.3 s",
-            "outputs": ["rod.angle", "crank.angle", "crank.angular_acceleration", "crank.torque"],
-        },
+        start={"rates": {"rod": "0 rad/s"}} if free else {},
+        analysis={"t_end": "1.3 s", "outputs": outputs[: count + 2]},
     )
 
 
@@ -244,6 +243,45 @@ def test_profiles_rise_from_0_to_1_with_known_peaks(name):
     assert angle[300] == pytest.approx(0.5, abs=1e-14)
     assert np.max(rate) * 0.4 == pytest.approx(PEAKS[name][0], rel=1e-4)
     assert np.max(np.abs(acceleration)) * 0.16 == pytest.approx(PEAKS[name][1], rel=1e-4)
+
+
+def cam(u):
+    """The profile of fifth degree, kept at its ends."""
+    x = np.clip(u, 0, 1)
+    return x**3 * (10 - 15 * x + 6 * x * x)
+
+
+@pytest.mark.parametrize(
+    "options", [{"method": "taylor"}, {"method": "dop853"}, {"method": "rk4", "step": 0.01}], ids=str
+)
+def test_a_tunable_duration_moves_knots_till_parts_do_not_end_as_they_begin(options):
+    """A rise and a return in a part of 0.4 s each: from a part of 1/2 on, the drive would jump at 0.4 s."""
+    law = "profile.poly345(mod(t, T)/(k*T)) - profile.poly345((mod(t, T) - T/2)/(k*T))"
+    for free in (False, True):
+        model = symgen.build(
+            driven(law, free=free), backend="c" if options["method"] == "taylor" else "numpy"
+        )
+        times = np.array([0.07, 0.19, 0.27, 0.398, 0.41, 0.77, 1.19, 1.3])
+        for k in (0.25, 0.4975, 0.5):
+            run = model.with_parameters(k=k).simulate(t_eval=times, **options)
+            expected = cam(times % 0.4 / (0.4 * k)) - cam((times % 0.4 - 0.2) / (0.4 * k))
+            assert run["crank.angle"].values == pytest.approx(expected, abs=1e-9)
+        for k in (0.51, 0.75):
+            with pytest.raises(
+                SimulationError, match=r"jumps with mod\(t, 0.4\) in the drive of crank at t = 0.4 s"
+            ):
+                model.with_parameters(k=k).simulate(t_eval=times, **options)
+
+
+@pytest.mark.parametrize("options", [{"method": "dop853"}, {"method": "rk4", "step": 0.01}], ids=str)
+def test_a_rate_that_jumps_by_a_tunable_parameter_ends_a_run(options):
+    """A parabola in every period, (1/4 - k) of it, and its square: the rate is zero at the ends for k = 1 alone."""
+    law = "((mod(t, T)*(T - mod(t, T))/T**2)**2 + (k - 1)*mod(t, T)*(T - mod(t, T))/T**2)"
+    model = symgen.build(driven(law, k=1), backend="numpy")
+    found = model.simulate(t_eval=[0.1, 0.5], **options)["crank.angle"].values
+    assert found == pytest.approx((3 / 16) ** 2, abs=1e-9)
+    with pytest.raises(SimulationError, match="or its rate, jumps with mod"):
+        model.with_parameters(k=1.5).simulate(0.5, **options)
 
 
 @pytest.mark.parametrize("method", ["taylor", "dop853"])
