@@ -46,7 +46,7 @@ def problem(
 
 def with_cause(text: str, status: int, chosen: Options) -> str:
     """Return the message for a run with this status, with what may cause the failure of power series."""
-    asked = status in (OUT_OF_TIME, _core.DRIFTED, _core.MORE)
+    asked = status in (OUT_OF_TIME, _core.DRIFTED, _core.MORE, _core.SLIDING)
     return text if chosen.method.kind != "taylor" or asked else f"{text}\n  {_OF_SERIES}"
 
 
