@@ -101,6 +101,7 @@ def test_free_variables_need_masses():
     [
         ("theta5", "theta"),
         ("theta1.speed", "theta1.rate"),
+        ("S4.force", "S4.drive"),
         ("crank.joint3.force", "crank.joint"),
         ("rod.joint2.torque", "rod.joint"),
         ("ground.position", "Did you mean"),

@@ -160,6 +160,8 @@ OF_THE_WHOLE: dict[str, Callable[[LoopDerivation], Entries]] = {
         "moment of the loop on the ground about the origin of {1}",
     ),
 }
+#: Other words for outputs of a variable.
+INSTEAD = {"speed": "rate", "velocity": "rate", "torque": "drive", "force": "drive"}
 #: Words that hold masses, and those that hold the closing wrench, so the forces of the loop.
 INERTIAL = {"kinetic_energy", "potential_energy", "energy", "shaking_force", "shaking_moment"}
 WRENCHES = ("force", "moment")
@@ -249,6 +251,8 @@ def _entries(model: LoopDerivation, name: str) -> Entries:
         return OF_VARIABLES[word](model, variable)
     if owner in model.links and word in OF_LINKS:
         return OF_LINKS[word](model, model.links.index(owner) + 1)
+    if variable is not None and word in INSTEAD:
+        raise SceneError(f"there is no output {name!r}", hint=f"Record {owner}.{INSTEAD[word]}.")
     joint, _, word = word.partition(".")
     sides = _sides(model)
     if (owner, joint) in sides and word in OF_JOINTS:
