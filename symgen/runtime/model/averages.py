@@ -96,10 +96,14 @@ def averages(result: Any, rtol: float = RTOL, *, magnitudes: bool = False) -> di
         return np.stack([y, y**2, np.where(powers, np.maximum(y, 0.0), 0.0), np.abs(y)], axis=1)
 
     first, last = float(np.min(result.time)), float(np.max(result.time))
-    ends, duration = _panels(result, first, last), last - first
+    duration = last - first
     exchanged = result.drift.measured.get("energy_exchanged", 0.0)
     scales = np.array([{"J": exchanged * duration, "W": exchanged}.get(v.unit, 0.0) for v in known])
-    sums = integrals(integrands, ends, rtol, np.array([v.unit for v in known]), scales)
+    units = np.array([v.unit for v in known])
+    try:
+        sums = integrals(integrands, _panels(result, first, last), rtol, units, scales)
+    except SimulationError as error:
+        raise ResultError(f"the motion has no mean over time: {error}") from error
     by_name = {}
     for v, (whole, square, positive, _) in zip(known, sums.tolist(), strict=True):
         work = (positive, whole - positive) if v.unit == "W" else ()
@@ -178,10 +182,7 @@ def _rules(integrands: Callable[[Array], Array], panels: Array) -> tuple[Array, 
     half, middle = (panels[:, 1] - panels[:, 0]) / 2, (panels[:, 1] + panels[:, 0]) / 2
     order = np.argsort(middle)
     times = middle[order, None] + half[order, None] * NODES
-    try:
-        found = integrands(times.ravel())
-    except SimulationError as error:
-        raise ResultError(f"the motion has no mean over time: {error}") from error
+    found = integrands(times.ravel())
     values = np.empty((len(panels), *found.shape[:2], len(NODES)))
     values[order] = np.moveaxis(found.reshape(*found.shape[:2], len(panels), len(NODES)), 2, 0)
     half = half[:, None, None]
