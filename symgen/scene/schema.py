@@ -171,6 +171,10 @@ class DriverTable(Table):
     """A link whose direction is prescribed, from its first point to its second; in space its rotation."""
 
     link: Name
+    against: Name | None = absent(
+        "The link from which the angle is taken, and on which the reaction acts; the ground if absent. In "
+        "space both are bodies that share two points, the axis."
+    )
     angle: Value = Field(description="May use the time t.")
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+import sympy as sp
 from shared.redundant_mechanisms import metres, point
 
 import symgen
@@ -15,6 +17,7 @@ CASES = Path(__file__).parents[1] / "cases"
 GRAVITY = np.array([0.3, -0.4, -9.81])
 MASS, CENTRE = 2.5, np.array([0.4, 0.3, 0.1])
 INERTIA = np.array([[0.06, 0.01, -0.005], [0.01, 0.09, 0.008], [-0.005, 0.008, 0.07]])
+T = sp.Symbol("t")
 START, AXIS = np.array([0.1, -0.2, 0.05]), np.array([0.48, 0.6, 0.64])
 
 
@@ -79,6 +82,36 @@ def test_torque_and_reactions_of_a_hinged_body_are_those_of_newton_and_euler(by,
         assert ground == pytest.approx(force, abs=1e-8)
         assert at["body.P.force"] == pytest.approx(at["P.reaction"], abs=1e-8)
     assert list(model.accelerations().reactions) == [p for p in tables["points"] if p in "PQ"]
+
+
+def test_a_cylinder_in_space_gives_the_torque_about_the_hinge():
+    """Its stroke keeps the angle 0.4 sin(3 t), at which the body is driven above."""
+    tables, foot, tip = hinged("points", (0, 1, 2, 3)), np.array([0.2, 0.9, 0.7]), np.array([0.9, 0.1, 0.3])
+    arm = tip - START
+    along, level = (AXIS @ arm) * AXIS, START - foot
+    fixed, cosine, sine = (
+        arm @ arm + level @ level + 2 * level @ along,
+        2 * level @ (arm - along),
+        2 * level @ np.cross(AXIS, arm),
+    )
+    tables["points"]["N"] = point(foot, True)
+    tables["parameters"] |= {"m": "1 m"}
+    bend = "(0.4*sin(w*t))"
+    text = f"m*sqrt({fixed} + ({cosine})*cos{bend} + ({sine})*sin{bend})"
+    tables["links"]["cylinder"] = {"points": ["N", "K"], "length": text}
+    del tables["drivers"]
+    analysis = {"t_end": "1 s", "outputs": ["cylinder.tension"]}
+    pushed = symgen.build(symgen.Scene(**tables, analysis=analysis), backend="numpy").simulate(
+        samples=6, rtol=1e-10
+    )
+    for t, tension in zip(pushed["time"].values, pushed["cylinder.tension"].values, strict=True):
+        angle, rate, rise = 0.4 * np.sin(3 * t), 1.2 * np.cos(3 * t), -3.6 * np.sin(3 * t)
+        r = turned(angle) @ (CENTRE - START)
+        acceleration = rise * np.cross(AXIS, r) + rate**2 * np.cross(AXIS, np.cross(AXIS, r))
+        torque = AXIS @ INERTIA @ AXIS * rise + AXIS @ np.cross(r, MASS * (acceleration - GRAVITY))
+        end = turned(angle) @ arm
+        stroke = np.cross(AXIS, end) @ (end + level) / np.linalg.norm(end + level)
+        assert tension == pytest.approx(-torque / stroke, abs=1e-7)
 
 
 def test_the_axis_moves_with_its_ground_point():
@@ -196,3 +229,127 @@ def test_bad_hinges_of_bodies(case):
     with pytest.raises(SceneError, match=words) as caught:
         symgen.build(symgen.Scene(**tables))
     assert caught.value.where == where
+
+
+MOTIONS = (0.4 * sp.sin(3 * T), sp.Rational(5, 2) * T)
+#: Axis of the first body, through two points; the points that both bodies share; masses, centres, inertias.
+GROUNDED = (START, START + 0.7 * AXIS)
+SHARED = (np.array([0.6, 0.5, 0.4]), np.array([0.8, 0.3, 0.9]))
+CENTRES = (CENTRE, np.array([1.0, 0.7, 0.6]))
+TIP = np.array([1.3, 0.6, 0.5])
+
+
+def pair(**more):
+    """Two bodies in space: the first turns about an axis in the ground, the second about one in the first."""
+    inertia = [f"{INERTIA[i, k]} kg*m^2" for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+    points = {"P": point(GROUNDED[0], True), "Q": point(GROUNDED[1], True)}
+    points |= {"K": point(SHARED[0]), "L": point(SHARED[1]), "M": point(TIP)}
+    names = ("first", "second")
+    bodies = {
+        name: {"mass": f"{MASS} kg", "centre": metres(c), "inertia": inertia}
+        for name, c in zip(names, CENTRES, strict=True)
+    }
+    links = {"first": {"points": ["P", "Q", "K", "L"]}, "second": {"points": ["K", "M", "L"]}}
+    return {
+        "points": points,
+        "links": {name: links[name] | bodies[name] for name in names},
+        "parameters": {"w": "1 1/s"},
+        "drivers": [
+            {"link": "first", "angle": "0.4*sin(3*w*t)"},
+            {"link": "second", "against": "first", "angle": "2.5*w*t"},
+        ],
+        "gravity": {"acceleration": [f"{g} m/s^2" for g in GRAVITY]},
+        "analysis": {
+            "t_end": "4 s",
+            "outputs": [
+                *("first.torque", "second.torque", "second.relative_angle", "M.position", "P.reaction"),
+                *(
+                    "Q.reaction",
+                    "second.K.force",
+                    "second.L.force",
+                    "second.M.force",
+                    "first.K.force",
+                    "energy",
+                ),
+            ],
+        },
+    } | more
+
+
+@lru_cache
+def newton_euler():
+    """Return torques about both axes, the force on the second body and its tip, as a function of the time."""
+
+    def rotation(axis, angle):
+        x, y, z = (sp.Float(c, 30) for c in axis / np.linalg.norm(axis))
+        cross = sp.Matrix([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        return sp.eye(3) + sp.sin(angle) * cross + (1 - sp.cos(angle)) * cross * cross
+
+    turns = [rotation(AXIS, MOTIONS[0])]
+    turns.append(turns[0] * rotation(SHARED[1] - SHARED[0], MOTIONS[1]))
+    start, joint = sp.Matrix(START), turns[0] * sp.Matrix(SHARED[0] - START) + sp.Matrix(START)
+    places = [
+        start + turns[0] * sp.Matrix(CENTRES[0] - START),
+        joint + turns[1] * sp.Matrix(CENTRES[1] - SHARED[0]),
+    ]
+    forces, moments = [], []
+    for turn, place in zip(turns, places, strict=True):
+        spin = turn.diff(T) * turn.T
+        rate = sp.Matrix([spin[2, 1], spin[0, 2], spin[1, 0]])
+        forces.append(MASS * (place.diff(T, 2) - sp.Matrix(GRAVITY)))
+        moments.append((turn * sp.Matrix(INERTIA) * turn.T * rate).diff(T))
+    at_joint = moments[1] + (places[1] - joint).cross(forces[1])
+    whole = sum(
+        (m + (r - start).cross(f) for m, r, f in zip(moments, places, forces, strict=True)), sp.zeros(3, 1)
+    )
+    axis = turns[0] * sp.Matrix((SHARED[1] - SHARED[0]) / np.linalg.norm(SHARED[1] - SHARED[0]))
+    tip = joint + turns[1] * sp.Matrix(TIP - SHARED[0])
+    torques = sp.Matrix([whole.dot(sp.Matrix(AXIS)), at_joint.dot(axis)])
+    return sp.lambdify(T, [torques, forces[1], forces[0] + forces[1], tip], cse=True)
+
+
+def test_a_body_driven_against_another_one_obeys_newton_and_euler():
+    """Over more than a turn of the second body; its forces at the shared points add up, and the rest is zero."""
+    model = symgen.build(symgen.Scene(**pair()), backend="numpy")
+    assert model.redundant == ()
+    result = model.simulate(samples=9, rtol=1e-11)
+    for i, t in enumerate(result["time"].values):
+        torques, force, whole, tip = (np.ravel(x) for x in newton_euler()(t))
+        at = {v.name: v.values[i] for v in result.variables}
+        assert at["second.relative_angle"] == pytest.approx(2.5 * t, abs=1e-12)
+        assert at["M.position"] == pytest.approx(tip, abs=1e-9)
+        assert [at["first.torque"], at["second.torque"]] == pytest.approx(torques, abs=1e-7)
+        assert at["second.K.force"] + at["second.L.force"] == pytest.approx(force, abs=1e-7)
+        assert at["second.M.force"] == pytest.approx(0, abs=1e-7)
+        assert at["P.reaction"] + at["Q.reaction"] == pytest.approx(whole, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("against", "words"),
+    [("rod", "share two points"), ("second", "another link"), ("third", "no point in common")],
+)
+def test_bodies_are_driven_about_two_shared_points_alone(against, words):
+    scene = pair()
+    scene["points"] |= {f"N{i}": point([2, i, i * i]) for i in range(3)}
+    third = scene["links"]["second"] | {"points": ["N0", "N1", "N2"]}
+    scene["links"] |= {"rod": {"points": ["K", "L"], "mass": "1 kg"}, "third": third}
+    scene["drivers"][1]["against"] = against
+    with pytest.raises(SceneError, match=words):
+        symgen.build(symgen.Scene(**scene))
+
+
+def test_assembly_modes_of_driven_links_in_space_turn_as_prescribed():
+    """The first mode is the drawn pose: of bodies, and of a rod that is drawn against the x axis."""
+    robot = symgen.build(symgen.load_scene(CASES / "delta_robot.toml"), backend="numpy")
+    rod = {
+        "points": {"O": point([0, 0, 0], True), "A": point([-1, 0.2, 0])},
+        "links": {"rod": {"points": ["O", "A"], "mass": "1 kg"}},
+        "joints": [{"point": "O", "links": ["rod"], "kind": "revolute", "axis": [0, 0, 1]}],
+        "parameters": {"w": "1 1/s"},
+        "drivers": [{"link": "rod", "angle": "w*t"}],
+        "gravity": {"acceleration": [f"{g} m/s^2" for g in GRAVITY]},
+    }
+    for model, count in ((robot, 2), (symgen.build(symgen.Scene(**rod), backend="numpy"), 1)):
+        modes = model.assemblies()
+        assert len(modes) == count
+        assert modes[0].q == pytest.approx(model.initial_state().q, abs=1e-9)

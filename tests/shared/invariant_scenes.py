@@ -144,8 +144,13 @@ def resting(rng: np.random.Generator, dimension: int) -> dict:
     return tables
 
 
+def _direction(draft: Draft, link: str) -> float:
+    start, end = (draft.at[p] for p in draft.links[link][:2])
+    return float(np.arctan2(*(end - start)[::-1]))
+
+
 def driven(rng: np.random.Generator, dimension: int = 2) -> dict:
-    """Return a driven crank with one to three dyads in the plane."""
+    """Return a driven crank with one to three dyads in the plane, and in half of them a rod driven against it."""
     draft = Draft(rng, 2)
     ground = draft.place(ground=True)
     tip = draft.place(near=ground)
@@ -161,9 +166,12 @@ def driven(rng: np.random.Generator, dimension: int = 2) -> dict:
             draft.links[f"L{len(draft.links)}"] = points
             if rng.random() < 0.4:
                 points.append(draft.place(near=joint))
+    tools = ["tool"] if rng.random() < 0.5 else []
+    for name in tools:
+        draft.links[name] = [tip, draft.place(near=tip)]
     links = {name: _link(draft, name) for name in draft.links}
     points = {p: {"at": texts(at, "m"), "ground": p in draft.ground} for p, at in draft.at.items()}
-    start = float(np.arctan2(*(draft.at[tip] - draft.at[ground])[::-1]))
+    start = _direction(draft, "L0")
     tables = {
         "parameters": {"w": in_unit(draft.number(0.5, 1), "rad/s"), "start": in_unit(start, "rad")},
         "points": points,
@@ -171,9 +179,12 @@ def driven(rng: np.random.Generator, dimension: int = 2) -> dict:
         "gravity": {"acceleration": texts(draft.vector(10), "m/s^2")},
         "drivers": [{"link": "L0", "angle": "start + w*t"}],
     }
+    for name in tools:
+        tables["parameters"]["bent"] = in_unit(_direction(draft, name) - start, "rad")
+        tables["drivers"].append({"link": name, "against": "L0", "angle": "bent + 1.5*w*t"})
     springs(draft, tables, 2)
     tables["torsion_springs"] = [_torsion_spring(draft)]
-    outputs = ["kinetic_energy", "L0.torque"]
+    outputs = ["kinetic_energy", "L0.torque", *(f"{name}.torque" for name in tools)]
     for p, at in points.items():
         outputs += [f"{p}.position", f"{p}.velocity", f"{p}.acceleration"]
         outputs += [f"{p}.reaction"] if at["ground"] else []

@@ -20,6 +20,7 @@ from symgen.models.rods.outputs import OF_LINKS, mesh_torque
 from symgen.models.rods.system import definitions, groups
 from symgen.scene.elastic.links import AREA_POWER, INERTIA_POWER
 from symgen.scene.rods.linkage import Linkage, RigidLink
+from symgen.scene.rods.rotations import Driver
 from symgen.symbolic.calculus import ZERO
 from symgen.symbolic.system import Export, NamedMatrix, System
 
@@ -90,8 +91,8 @@ def _by_multipliers(model: RodsModel) -> Iterator[tuple[str, sp.Expr]]:
     for i, pair in enumerate(model.linkage.gears):
         yield f"gear {pair.links[0]} gears.{i} -", mesh_torque(model, pair)
     for driver in model.linkage.drivers:
-        where = _where(model, model.linkage.link(driver.link), "")
-        yield f"torque {driver.link} {where} -", OF_LINKS["torque"](model, driver.link)[0][0]
+        link, where, *_ = _acting(model, driver)
+        yield f"torque {link} {where} -", OF_LINKS["torque"](model, driver.link)[0][0]
 
 
 def _inertias(model: RodsModel) -> Iterator[NamedMatrix]:
@@ -186,12 +187,19 @@ def _constraints(model: RodsModel) -> Iterator[NamedMatrix]:
         rows=[f"{k.name} {_where(model, k, '')}" for k in geared],
         columns=[f"{pair.links[0]} gears.{i}" for i, pair in enumerate(model.linkage.gears)],
     )  # fmt: skip
-    drivers = [(model.linkage.link(d.link), d.angle) for d in model.linkage.drivers]
+    drivers = model.linkage.drivers
     yield named(
-        model, "driven_angles", [angle for _, angle in drivers], "rad",
-        "prescribed directions of links, with the points at which the drives act",
-        rows=[f"{k.name} {_where(model, k, '')}" for k, _ in drivers],
+        model, "driven_angles", [d.angle for d in drivers], "rad",
+        "prescribed directions of links, from those of others if named, with the points at which drives act",
+        rows=[" ".join(_acting(model, d)) for d in drivers],
     )  # fmt: skip
+
+
+def _acting(model: RodsModel, driver: Driver) -> Iterator[str]:
+    """Yield the driven link and the point at which the drive acts on it, and those of the reaction."""
+    pair = driver.link, driver.against
+    for name, other in (pair, pair[::-1]) if driver.against else (pair,):
+        yield from (name, _where(model, model.linkage.link(name), other))
 
 
 def _where(model: RodsModel, link: RigidLink, other: str) -> str:

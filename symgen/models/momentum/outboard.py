@@ -176,11 +176,12 @@ class Outboard:
                 elif against not in inside:
                     yield couple, None
         for row in self.model.turned:
-            ((link, across),) = row.by_along.items()
-            if link in inside:
+            (link, across), *others = row.by_along.items()
+            sign = (link in inside) - sum(k in inside for k, _ in others)
+            if sign:
                 unknown = self.model.multipliers[row.constraint.name].symbol
                 if len(across) == 2:
-                    yield (-self.link[link].length,), unknown
+                    yield (-sign * self.link[link].length,), unknown
                 else:
                     yield cross(across, self.model.along[link]), unknown
         for row in self.model.gears:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 import sympy as sp
 
+from symgen.mechanics.rods import drive
 from symgen.mechanics.rods.across import named_vector, vectors_across
 from symgen.mechanics.rods.gear import mesh_change, mesh_error, mesh_slopes, turns
 from symgen.mechanics.rods.loads import vector_between
@@ -238,24 +239,38 @@ def _constrained_components(model: Points, start: str, end: str) -> list[int]:
 
 @dataclass(frozen=True, slots=True)
 class AngleRow:
-    """A row on directions of links, with its derivatives by the vectors along them, or the arms of bodies."""
+    """A row on directions of links, with its derivatives by the vectors along them, or the arms of bodies.
+
+    ``ends`` are the parts with which base points count in the arms of bodies.
+    """
 
     constraint: Constraint
     by_along: dict[str, Vector]
+    ends: dict[str, dict[str, sp.Expr]] = field(default_factory=dict)
 
 
 def turning_rows(model: Points) -> Iterator[AngleRow]:
-    """n.d = 0 with n across the prescribed direction of a link; a.d = a.d0 of a revolute joint in space."""
+    """n.d = 0 with n across the prescribed direction of a link; a.d = a.d0 of a revolute joint in space.
+
+    The driven link is the first of ``by_along``.
+    """
     rods = [hinge for hinge in model.linkage.hinges if model.linkage.body(hinge.link) is None]
     for hinge in rods:  # a body has two points on its axis
         hinge_frame, label = model.hinges[hinge.link], f"the revolute joint of {hinge.link} at {hinge.point}"
         row = Constraint(f"{hinge.link}_hinge", label, hinge_frame.error(model.along[hinge.link]), ONE, "m")
         yield AngleRow(row, {hinge.link: hinge_frame.axis})
     for driver in model.linkage.drivers:
-        name, frame = driver.link, model.hinges.get(driver.link)
-        across = frame.tangent(driver.angle) if frame else (-sp.sin(driver.angle), sp.cos(driver.angle))
+        name, other = driver.link, driver.against
+        across = drive.across(driver.angle, *model.reference(driver))
         row = Constraint(f"{name}_drive", f"the drive of link {name}", dot(across, model.arm(name)), ONE, "m")
-        yield AngleRow(row, {name: across})
+        slopes, body = {name: across}, model.linkage.body(name)
+        ends = {name: model.arm_ends(body)} if body else {}
+        if carrier := model.linkage.body(other):
+            slopes[other] = model.arm(name)
+            ends[other] = model.fixed(carrier, model.hinges[name].tangent(driver.angle))
+        elif other:
+            slopes[other] = drive.by_other(driver.angle, model.along[name], model.reach(other))
+        yield AngleRow(row, slopes, ends)
 
 
 def angle_rows(model: Points) -> Iterator[AngleRow]:

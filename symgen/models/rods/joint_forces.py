@@ -261,7 +261,7 @@ def _of_body(model: ConstrainedPoints, body: SpatialBody) -> Forces:
     for drive in model.turned:
         if body.name in drive.by_along:
             force = _times(model.multipliers[drive.constraint.name].symbol, drive.by_along[body.name])
-            for end, share in model.arm_ends(body.name).items():
+            for end, share in drive.ends[body.name].items():
                 yield end, _times(share, force)
     for _, torque in model.loads.couples(body.name):
         for point, (_, force) in zip(

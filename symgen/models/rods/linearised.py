@@ -55,6 +55,11 @@ def driven_motion(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
     if matrices:
         about = "prescribed angles, lengths and places"
         exports.append(Export("drives", about, tuple(m.name for m in matrices)))
+    driven = ((d.angle, *model.driven(d)) for d in model.linkage.drivers)
+    if along := [sp.cos(angle) * x + sp.sin(angle) * y for angle, x, y in driven]:
+        about = "components of driven links along their prescribed directions: negative half a turn off"
+        matrices.append(named(model, "along_drives", along, "m", about))
+        exports.append(Export("along_drives", about, ("along_drives",)))
     if model.constraints:
         matrices.append(constraint_slopes(model))
         about = "constraints, their scale, their rate, and the nonzero entries of their Jacobian"

@@ -217,7 +217,8 @@ class RodsModel(ConstrainedPoints):
         for of in self.linkage.drivers:
             hinge = self.hinges.get(of.link)
             arm = hinge.arm if hinge else self.linkage.link(of.link).length
-            about = " about its axis" if hinge else ", counter-clockwise"
+            about = f" from {of.against}" if of.against else ""
+            about += " about its axis" if hinge else ", counter-clockwise"
             torque = -self.multipliers[f"{of.link}_drive"].symbol * arm
             drives[of.link] = Drive(torque, partial(of.angle, TIME.symbol), about=about)
         for rod in self.rods:
@@ -357,7 +358,7 @@ class RodsModel(ConstrainedPoints):
     def drives(self) -> Iterator[tuple[str, sp.Expr, str, str]]:
         """Yield what is prescribed as a function of time: its name, value, unit and description."""
         for driver in self.linkage.drivers:
-            yield f"{driver.link}.angle", driver.angle, "rad", f"driven angle of {driver.link}"
+            yield driver.output, driver.angle, "rad", f"driven angle of {driver.link}"
         for rod in self.rods:
             if TIME.symbol in rod.length.free_symbols:
                 yield f"{rod.name}.length", rod.length, "m", f"driven length of {rod.name}"

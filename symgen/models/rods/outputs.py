@@ -61,11 +61,12 @@ def _moment(
 
 def _angle(model: RodsModel, name: str) -> Entries:
     if len(model.shown_axes) == 3:
-        driven = [d.angle for d in model.linkage.drivers if d.link == name]
+        driven = [d.angle for d in model.linkage.drivers if d.link == name and not d.against]
         if not driven:
             raise SceneError(
-                f"in space only a link with a drive has an angle, got {name}.angle",
-                hint=f"Record {name}.angular_velocity, or the angle A.B.C between the lines of three points.",
+                f"in space only a link that is driven against the ground has an angle, got {name}.angle",
+                hint=f"Record {name}.angular_velocity, {name}.relative_angle of a drive between links, "
+                "or the angle A.B.C between the lines of three points.",
             )
         return driven, "rad", f"rotation of {name} about its joint, from the drawing"
     d = model.along[name]
@@ -94,10 +95,11 @@ def _angular_acceleration(model: RodsModel, name: str) -> Entries:
 def _speed_ratio(model: RodsModel, name: str) -> Entries:
     """Return the rate of a link over that of the drive, which must be constant and so cannot vanish."""
     drivers = model.linkage.drivers
-    if len(drivers) != 1 or len(model.axes) != 2:
+    if len(drivers) != 1 or len(model.axes) != 2 or drivers[0].against:
+        among = ", one against another link" if any(d.against for d in drivers) else ""
         raise SceneError(
-            "a speed ratio needs a planar linkage with one driven link, got "
-            + ("a linkage in space" if len(model.axes) != 2 else f"{len(drivers)} driven links"),
+            "a speed ratio needs a planar linkage with one link driven against the ground, got "
+            + ("a linkage in space" if len(model.axes) != 2 else f"{len(drivers)} driven links{among}"),
             hint="Record angular_velocity.",
         )
     driven = derivative(drivers[0].angle, TIME.symbol)
@@ -163,6 +165,16 @@ def _of_drive(model: RodsModel, name: str, word: str) -> Entries:
     return known[word]
 
 
+def _relative_angle(model: RodsModel, name: str) -> Entries:
+    for driver in model.linkage.drivers:
+        if driver.link == name and driver.against:
+            return [driver.angle], "rad", f"driven angle of {name} from {driver.against}"
+    raise SceneError(
+        f"{name} is driven against no other link: it has no relative angle",
+        hint=f"Record {name}.angle, or the angle A.B.C between the lines of three points.",
+    )
+
+
 def _power_of_ground(model: RodsModel, name: str) -> Entries:
     _reaction(model, name)
     velocity = tuple(map(model.in_place, model.velocity(name)))
@@ -210,6 +222,7 @@ OF_LINKS: dict[str, Callable[[RodsModel, str], Entries]] = {
     "tension": _tension,
     "torque": _torque,
     "angle": _angle,
+    "relative_angle": _relative_angle,
     "angular_velocity": _angular_velocity,
     "angular_acceleration": _angular_acceleration,
     "speed_ratio": _speed_ratio,
@@ -284,7 +297,7 @@ OF_ELASTIC_IN_SPACE = (
 #: Outputs that need no masses and no forces.
 KINEMATIC = (
     *("position", "velocity", "acceleration", "angle", "angular_velocity", "angular_acceleration"),
-    *("transmission_angle", "speed_ratio", "length", "length_rate", "rate"),
+    *("transmission_angle", "speed_ratio", "relative_angle", "length", "length_rate", "rate"),
 )
 #: Outputs of a point of a link.
 OF_JOINTS: dict[str, Callable[[RodsModel, str, str], Entries]] = {"force": _force}

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 
 import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.loads.measure import Gradient
-from symgen.mechanics.rods import loads
+from symgen.mechanics.rods import drive, loads
 from symgen.mechanics.rods.hinge import HingeFrame, hinge_frame
 from symgen.mechanics.rods.particles import Vector, end_mass, joint_mass
 from symgen.mechanics.rods.topology import Tree, spanning_tree
 from symgen.scene.rods.linkage import TIME, Bar, CarriedPoint, Linkage, RigidLink, SpatialBody, WeightedPoint
+from symgen.scene.rods.rotations import Driver, Hinge
 from symgen.symbolic.calculus import ONE, ZERO, Calculus, partial
 from symgen.symbolic.constants import Replacement
 from symgen.symbolic.quantity import Quantity, quantity
@@ -191,50 +192,92 @@ class Points:
 
     @cached_property
     def hinges(self) -> dict[str, HingeFrame]:
-        """Frame of the revolute joint with the ground of each link in space that has one."""
-        return {
-            hinge.link: hinge_frame(hinge.axis, self._at_ends(hinge.link, lambda p: self.linkage.point(p).at))
-            for hinge in self.linkage.hinges
-        }
+        """Frame of the revolute joint of each link in space that has one, as drawn."""
+        return {hinge.link: hinge_frame(hinge.axis, self._drawn_arm(hinge)) for hinge in self.linkage.hinges}
+
+    def _drawn_arm(self, hinge: Hinge) -> Vector:
+        body = self.linkage.body(hinge.link)
+        if body is None:
+            return self._drawn_from(*self.linkage.link(hinge.link).base)
+        if hinge.against:
+            return self._drawn_from(hinge.point, self._farthest(body.base, hinge.point, hinge.axis))
+        return self._at_ends(self.arm_ends(body), lambda p: self.linkage.point(p).at)
+
+    def _drawn_from(self, start: str, end: str) -> Vector:
+        places = (self.linkage.point(p).at for p in (start, end))
+        return tuple(b - a for a, b in zip(*places, strict=True))
+
+    def _farthest(self, points: Sequence[str], start: str, axis: Vector) -> str:
+        """Return the point that is drawn farthest from an axis through a point."""
+
+        def distance(point: str) -> float:
+            moment = cross(axis, self._drawn_from(start, point))
+            return self.linkage.number(dot(moment, moment))
+
+        return max(points, key=distance)
+
+    def reach(self, link: str) -> sp.Expr:
+        """Return the present length of a link [m]; that of one between ground points follows their motion."""
+        d = self.along[link]
+        return sp.sqrt(dot(d, d)) if link in self.idle else self.linkage.link(link).length
+
+    def reference(self, driver: Driver) -> tuple[Vector, Vector]:
+        """Return the unit vectors along which a driven arm is at the angle zero, and a quarter turn on."""
+        frame, body = self.hinges.get(driver.link), self.linkage.body(driver.against)
+        if frame and body:
+            of_body = (self.fixed(body, v) for v in (frame.across, frame.third))
+            x, y = (self._at_ends(ends, self.position) for ends in of_body)
+            return x, y
+        if frame:
+            return frame.across, frame.third
+        if driver.against:
+            return drive.along_and_left(self.along[driver.against], self.reach(driver.against))
+        return (ONE, ZERO), (ZERO, ONE)
+
+    def driven(self, driver: Driver) -> tuple[sp.Expr, sp.Expr]:
+        """Return the components of a driven arm by the vectors of its reference [m]."""
+        x, y = (dot(self.arm(driver.link), v) for v in self.reference(driver))
+        return x, y
 
     def arm(self, link: str) -> Vector:
         """Return the vector by which a drive rotates a link [m], along a rod or across the axis of a body."""
-        return self._at_ends(link, self.position) if self.linkage.body(link) else self.along[link]
+        body = self.linkage.body(link)
+        return self._at_ends(self.arm_ends(body), self.position) if body else self.along[link]
 
-    def _at_ends(self, link: str, place: Callable[[str], Vector]) -> Vector:
-        places = [(part, place(point)) for point, part in self.arm_ends(link).items()]
+    def _at_ends(self, ends: Mapping[str, sp.Expr], place: Callable[[str], Vector]) -> Vector:
+        places = [(part, place(point)) for point, part in ends.items()]
         return tuple(sp.Add(*(part * there[i] for part, there in places)) for i in range(len(self.axes)))
 
-    def arm_ends(self, link: str) -> dict[str, sp.Expr]:
-        """Return the parts with which points count in the arm of a link.
+    def fixed(self, body: SpatialBody, drawn: Vector) -> dict[str, sp.Expr]:
+        """Return the parts with which base points count in a vector that is fixed in a body, as drawn."""
+        first, *others = body.base
+        edges = [self._drawn_from(first, p) for p in others]
+        parts = [
+            sp.Add(*(w * dot(e, drawn) for w, e in zip(row, edges, strict=True))) for row in body.inverse
+        ]
+        return {first: -sp.Add(*parts)} | dict(zip(others, parts, strict=True))
 
-        The arm of a rod is the vector along it. That of a body runs to a base point from its foot on the
-        axis, which two ground points place: the force of a drive is then a couple about the axis alone.
+    def arm_ends(self, body: SpatialBody) -> dict[str, sp.Expr]:
+        """Return the parts with which base points count in the arm of a body.
+
+        It runs to a base point from its foot on the axis, which two ground points place: the force of a drive
+        is then a couple about the axis alone. Where a body is driven against another one, it is fixed in it.
         """
-        body = self.linkage.body(link)
-        if body is None:
-            rod = self.linkage.link(link)
-            return {rod.start: sp.Integer(-1), rod.end: sp.Integer(1)}
+        if any(hinge.link == body.name and hinge.against for hinge in self.linkage.hinges):
+            frame = self.hinges[body.name]
+            return self.fixed(body, tuple(frame.arm * c for c in frame.across))
         grounded = [p for p in body.base if p in self.ground]
         if len(grounded) < 2:
             raise SceneError(
-                f"the ground points of {link} are too near each other for an axis",
-                where=f"links.{link}.points",
+                f"the ground points of {body.name} are too near each other for an axis",
+                where=f"links.{body.name}.points",
                 hint="Move them apart, or write [[joints]] with one of them and the direction of the axis.",
             )
-        first, second = (self.linkage.point(p).at for p in grounded[:2])
-        axis = tuple(b - a for a, b in zip(first, second, strict=True))
-
-        def along(point: str) -> sp.Expr:
-            arm = (b - a for a, b in zip(first, self.linkage.point(point).at, strict=True))
-            return dot(tuple(arm), axis) / dot(axis, axis)
-
-        def distance(point: str) -> float:
-            arm = tuple(b - a for a, b in zip(first, self.linkage.point(point).at, strict=True))
-            return self.linkage.number(dot(cross(axis, arm), cross(axis, arm)))
-
-        end = max((p for p in body.base if p not in grounded), key=distance)
-        return {grounded[0]: along(end) - 1, grounded[1]: -along(end), end: sp.Integer(1)}
+        first, second = grounded[:2]
+        axis = self._drawn_from(first, second)
+        end = self._farthest([p for p in body.base if p not in grounded], first, axis)
+        along = dot(self._drawn_from(first, end), axis) / dot(axis, axis)
+        return {first: along - 1, second: -along, end: sp.Integer(1)}
 
     def vector_along(self, link: str) -> Vector:
         """Return the vector along one link, which other links may need before theirs [m]."""
@@ -281,38 +324,6 @@ class Points:
         if link.mass != 0:
             ends = end_mass(link.mass, link.length, link.centre, link.inertia, link.offset)
             yield from ((c, joint_mass(ends, c.along, c.across, len(joined))) for c in joined)
-
-    @cached_property
-    def metric(self) -> dict[sp.Symbol, Gradient]:
-        """Rows by coordinate of the square of small motions: of all points, and the mean of bodies in space.
-
-        It does not depend on the points that place the others; the identity if every point has coordinates.
-        """
-        rows: dict[sp.Symbol, Gradient] = {}
-
-        def add(weight: sp.Expr, first: str, second: str) -> None:
-            for c, d in zip(self.position(first), self.position(second), strict=True):
-                for x, slope_x in self.calculus.gradient(c).items():
-                    for y, slope_y in self.calculus.gradient(d).items():
-                        row = rows.setdefault(x, {})
-                        row[y] = row.get(y, ZERO) + weight * slope_x * slope_y
-
-        rows |= {q.symbol: {q.symbol: ONE} for s in self.linkage.states for q in self.q[s.name]}
-
-        of_bodies = {p for body in self.linkage.bodies for p in body.base}
-        for point in self.linkage.points:
-            if not (point.hidden and point.name in of_bodies):
-                add(ONE, point.name, point.name)
-        for body in self.linkage.bodies:
-            for i, first in enumerate(body.base):
-                for k, second in enumerate(body.base):
-                    add(body.masses[i][k] / body.mass, first, second)
-        return rows
-
-    @property
-    def has_metric(self) -> bool:
-        """Whether its metric is not the identity."""
-        return bool(self.carrier or self.linkage.bodies)
 
     def velocity(self, point: str) -> Vector:
         """Return the velocity of any point [m/s]."""

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 
 import sympy as sp
 
+from symgen.loads.measure import Gradient
 from symgen.models.rods.matrix import named, sparse
 from symgen.scene.rods.linkage import TIME
+from symgen.scene.rods.rotations import Driver
 from symgen.symbolic.calculus import ONE, ZERO
 from symgen.symbolic.constants import rounded
 from symgen.symbolic.system import Export, NamedMatrix
@@ -62,13 +64,34 @@ def assembly_exports(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]
 
 
 def metric_of(model: RodsModel) -> list[NamedMatrix]:
-    """Return the metric of small motions where it is not the identity."""
-    if not model.has_metric:
+    """Return the metric of small motions where it is not the identity: where points have no coordinates.
+
+    It is the square of small motions of all points, and the mean of bodies in space, and does not depend on
+    the points that place the others.
+    """
+    if not (model.carrier or model.linkage.bodies):
         return []
-    rows = [model.metric.get(x.symbol, {}) for x in model.coordinates]
-    about = "metric of small motions"
-    names = [x.name for x in model.coordinates]
-    return [sparse(model, "metric", rows, "1", about, rows=names, symmetric=True)]
+    states = (q.symbol for s in model.linkage.states for q in model.q[s.name])
+    rows: dict[sp.Symbol, Gradient] = {q: {q: ONE} for q in states}
+
+    def add(weight: sp.Expr, first: str, second: str) -> None:
+        for c, d in zip(model.position(first), model.position(second), strict=True):
+            for x, slope_x in model.calculus.gradient(c).items():
+                for y, slope_y in model.calculus.gradient(d).items():
+                    row = rows.setdefault(x, {})
+                    row[y] = row.get(y, ZERO) + weight * slope_x * slope_y
+
+    of_bodies = {p for body in model.linkage.bodies for p in body.base}
+    for point in model.linkage.points:
+        if not (point.hidden and point.name in of_bodies):
+            add(ONE, point.name, point.name)
+    for body in model.linkage.bodies:
+        for i, first in enumerate(body.base):
+            for k, second in enumerate(body.base):
+                add(body.masses[i][k] / body.mass, first, second)
+    of_coordinates = [rows.get(x.symbol, {}) for x in model.coordinates]
+    about, names = "metric of small motions", [x.name for x in model.coordinates]
+    return [sparse(model, "metric", of_coordinates, "1", about, rows=names, symmetric=True)]
 
 
 def _displaced(model: RodsModel) -> bool:
@@ -88,22 +111,23 @@ def _assembly(model: RodsModel) -> list[NamedMatrix]:
     s = model.u[model.free[0]][0].symbol
     _ = model.along, model.constraints  # their definitions must be known in the drawn pose
     drawn, constants = _as_drawn(model), model.linkage.constants
-    angles = [*model.linkage.start.angles, *((d.link, d.angle) for d in model.linkage.drivers)]
-    driven = {f"{link}_drive" for link, _ in angles}
+    angles = [Driver(link, angle) for link, angle in model.linkage.start.angles]
+    angles += model.linkage.drivers
+    driven = {f"{d.link}_drive" for d in angles}
     residuals, rows = [], []
     for constraint in model.constraints:
         if constraint.name not in driven:
             error = constraint.expression / constraint.scale
             residuals.append(error - (1 - s) * error.xreplace(drawn))
             rows.append(constraint.name)
-    for name, angle in angles:
-        x, y = model.hinges[name].components(model.arm(name)) if name in model.hinges else model.along[name]
+    for angled in angles:
+        (x, y), angle = model.driven(angled), angled.angle
         drawn_x, drawn_y = _direction(*(_written(c.xreplace(drawn).xreplace(constants)) for c in (x, y)))
         c, d = sp.cos(angle), sp.sin(angle)
         turn = _angle(c * drawn_x + d * drawn_y, d * drawn_x - c * drawn_y)
         now = _angle(drawn_x, drawn_y) + s * turn
         residuals.append(y * sp.cos(now) - x * sp.sin(now))
-        rows.append(f"{name} angle")
+        rows.append(f"{angled.link} {f'against {angled.against} ' if angled.against else ''}angle")
     for part in _floating(model):
         for axis, places in zip(model.axes, zip(*map(model.position, part), strict=True), strict=True):
             mean = sp.Add(*places) / len(part)

@@ -105,7 +105,8 @@ def times_of(name: str, drives: Drives, values: ArrayLike, start: float, stop: f
     name
         Name of the linkage, for messages.
     drives
-        The drives over times. A drive called ``LINK.angle`` is a direction, equal after a revolution.
+        The drives over times. One called ``LINK.angle`` or ``LINK.relative_angle`` is equal after a
+        revolution.
     values, start, stop
         Values of the drive, and the range of time [s].
 
@@ -127,7 +128,7 @@ def times_of(name: str, drives: Drives, values: ArrayLike, start: float, stop: f
             f"{name} has no driven link, and so no values of an input\n  Give a range of time instead."
         )
     drive_values = over_times[first]
-    is_angle = first.endswith(".angle")
+    is_angle = first.endswith("angle")
     targets = []
     for value in input_values:
         target = _target(drive_values, value, 2 * math.pi if is_angle else 0.0)

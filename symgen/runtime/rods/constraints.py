@@ -132,15 +132,10 @@ class Constraints:
 
     def turned_over(self, q: Array, t: float) -> bool:
         """Return True if a driven link points against its prescribed direction, as its constraint allows."""
-        places = dict(zip(self.description.points, self.places(q, t), strict=True))
-        for name, angle in self.drives(t).items():
-            link, _, word = name.partition(".")
-            if word == "angle":
-                start, end = self.description.links[link][:2]
-                along = places[end] - places[start]
-                if along[0] * np.cos(angle) + along[1] * np.sin(angle) < 0:
-                    return True
-        return False
+        if not self.kinematics.has("along_drives"):
+            return False
+        blocks = self.kinematics.blocks("along_drives", t, q, self._rest)
+        return bool(np.any(blocks["along_drives"] < 0))
 
 
 def rotations_of(kinematics: Evaluator, out: Array) -> dict[str, tuple[Array, Array]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -213,20 +213,24 @@ class _AtStart:
         """Return True if a link in the plane points against its angle at the start, as its row allows."""
         halfway = self._rows(self._drawn, 0.5)["assembly_residual"]
         for row, miss in zip(_rows(self.evaluator, "assembly"), halfway, strict=True):
-            name, _, word = row.rpartition(" ")
-            if word == "angle" and len(self.evaluator.description.axes) == 2:
-                (x, y), along = self._direction(name, self._drawn), self._direction(name, q)
+            name, *words = row.split(" ")
+            if words[-1:] == ["angle"] and len(self.evaluator.description.axes) == 2:
+                links = [name, *words[1:-1]]
+                (x, y), along = self._direction(links, self._drawn), self._direction(links, q)
                 turned = -2 * math.asin(max(-1.0, min(1.0, miss / math.hypot(x, y))))
                 c, s = math.cos(turned), math.sin(turned)
                 if along @ (c * x - s * y, s * x + c * y) < 0:
                     return True
         return False
 
-    def _direction(self, link: str, q: Array) -> Array:
+    def _direction(self, links: Sequence[str], q: Array) -> Array:
+        """Return the vector along a link [m], by the direction of a second one where there is one."""
         d = self.evaluator.description
         places = self.evaluator.blocks("points", 0.0, q, np.zeros(self.n))["positions"]
-        start, end = (places[d.points.index(p)] for p in d.links[link][:2])
-        return np.asarray(end - start)
+        ends = ([places[d.points.index(p)] for p in d.links[link][:2]] for link in links)
+        along, *other = (complex(*(end - start)) for start, end in ends)
+        turned = along * np.conj(other[0]) / abs(other[0]) if other else along
+        return np.array([turned.real, turned.imag])
 
     def _rows(self, q: Array, fraction: float) -> Mapping[str, Array]:
         return self.evaluator.blocks("assembly", 0.0, q, np.append(fraction, np.zeros(self.n - 1)))
@@ -311,13 +315,13 @@ def _place(evaluator: Evaluator, row: str) -> str:
     d = evaluator.description
     if row in d.labels:
         return d.place(d.labels.index(row))
-    name, _, word = row.partition(" ")
+    name, word, *_ = row.split(" ")
     if name == "the":  # place of a floating part
         return f"points.{row.split()[-3]}"
-    if word == "angle" and f"{name}_drive" in d.constraints:
+    if word in ("angle", "against") and f"{name}_drive" in d.constraints:
         return d.driver(name)
     tables = {"angle": "start.angles", "rate": "start.rates", "velocity": "start.velocities"}
-    return f"{tables[word.partition(' ')[0]]}.{name}"
+    return f"{tables[word]}.{name}"
 
 
 def _velocities(evaluator: Evaluator, starter: Starter, redundant: tuple[int, ...]) -> Array:

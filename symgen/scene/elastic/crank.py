@@ -12,7 +12,8 @@ from symgen.scene import units
 from symgen.scene.elastic.links import Crank
 from symgen.scene.elastic.schema import CrankTable as Table
 from symgen.scene.reading import Reader
-from symgen.scene.rods.linkage import TIME, Driver, RigidLink, state_symbol
+from symgen.scene.rods.linkage import TIME, RigidLink, state_symbol
+from symgen.scene.rods.rotations import Driver
 
 _ZERO = sp.Integer(0)
 

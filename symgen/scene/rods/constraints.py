@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from math import gcd
 
 from symgen.errors import SceneError
 from symgen.scene import units
 from symgen.scene.elastic.schema import JointTable, Weld
 from symgen.scene.reading import Reader
-from symgen.scene.rods.linkage import Driver, Guide, StartConditions, Vector
-from symgen.scene.rods.rotations import GearPair, Hinge
+from symgen.scene.rods.linkage import Guide, StartConditions, Vector
+from symgen.scene.rods.rotations import Driver, GearPair, Hinge
 from symgen.scene.schema import Scene
 
 
@@ -32,16 +32,69 @@ def guides(read: Reader) -> Iterator[Guide]:
 
 def drivers(read: Reader) -> Iterator[Driver]:
     """Yield the drivers: one at most for each link."""
-    driven: set[str] = set()
+    driven: dict[str, str] = {}
     for i, driver in enumerate(read.scene.drivers):
-        where = f"drivers.{i}"
-        _check_driven(read, driver.link, f"{where}.link")
+        where, other = f"drivers.{i}", driver.against or ""
+        if not (other and read.dimension == 3):
+            _check_driven(read, driver.link, f"{where}.link")
         if driver.link in driven:
-            raise SceneError(f"the link {driver.link} is driven twice", where=f"{where}.link")
-        driven.add(driver.link)
+            raise SceneError(
+                f"the link {driver.link} is driven twice",
+                where=f"{where}.link",
+                hint="Of two links that a drive is between, either may be the driven one: exchange link and "
+                "against."
+                if other or driven[driver.link]
+                else "",
+            )
+        if other:
+            _check_against(read, driver.link, other, f"{where}.against")
+        driven[driver.link] = other
+        _check_no_circle(driven, driver.link, f"{where}.against")
         angle = read.value(driver.angle, units.NUMBER, f"{where}.angle", read.with_time)
         read.moving(angle, units.NUMBER, f"{where}.angle")
-        yield Driver(driver.link, angle)
+        yield Driver(driver.link, angle, other)
+
+
+def _check_against(read: Reader, name: str, other: str, where: str) -> None:
+    """Check that a link may be driven against another one."""
+    read.known_link(other, where)
+    if other == name:
+        raise SceneError("expected another link than the driven one", where=where)
+    if read.has_elastic_links:
+        raise SceneError(
+            "drives between two links are for linkages of rigid links",
+            where=where,
+            hint="Drive the links against the ground, or leave elastic out.",
+        )
+    if read.dimension == 3:
+        _shared_axis(read, name, other, where)
+
+
+def _shared_axis(read: Reader, name: str, other: str, where: str) -> tuple[str, str]:
+    """Return the two points that two bodies in space share, about whose line one is driven."""
+    shared = [p for p in read.scene.links[name].points if p in read.scene.links[other].points]
+    if not (read.is_spatial_body(name) and read.is_spatial_body(other)) or len(shared) != 2:
+        raise SceneError(
+            f"expected two bodies that share two points, the axis of the drive, got {name} and {other} with "
+            + (f"the points {', '.join(shared)} in common" if shared else "no point in common"),
+            where=where,
+            hint="Between other links in space, prescribe the length of a massless link by t.",
+        )
+    return shared[0], shared[1]
+
+
+def _check_no_circle(driven: Mapping[str, str], name: str, where: str) -> None:
+    """Check that the drives do not prescribe the angle of a link from itself."""
+    circle = [name]
+    while other := driven.get(circle[-1], ""):
+        if other == name:
+            raise SceneError(
+                f"the drives of {', '.join(circle)} prescribe each other in a circle: the sum of their "
+                "angles is zero",
+                where=where,
+                hint="Leave one of them out, or drive it against the ground.",
+            )
+        circle.append(other)
 
 
 def gears(read: Reader) -> Iterator[GearPair]:
@@ -78,7 +131,8 @@ def is_hinge(scene: Scene, joint: JointTable | Weld) -> bool:
 def hinges(read: Reader) -> Iterator[Hinge]:
     """Yield the revolute joints between links in space and the ground: one at most for each link.
 
-    A driven body on two ground points has one about the line from the first to the second.
+    A driven body on two ground points has one about the line from the first to the second; one that is driven
+    against another body, about the line through the points that they share.
     """
     seen: set[str] = set()
     for i, joint in enumerate(read.scene.joints):
@@ -114,7 +168,15 @@ def hinges(read: Reader) -> Iterator[Hinge]:
                 f"expected an axis across {name}, got one along it, or zero", where=f"{where}.axis"
             )
         yield Hinge(name, joint.point, axis)
-    for driver in read.scene.drivers if read.dimension == 3 else ():
+    for i, driver in enumerate(read.scene.drivers if read.dimension == 3 else ()):
+        read.known_link(driver.link, f"drivers.{i}.link")
+        if driver.against is not None:
+            where = f"drivers.{i}.against"
+            _check_against(read, driver.link, driver.against, where)
+            start, end = (read.points[p] for p in _shared_axis(read, driver.link, driver.against, where))
+            axis = tuple(b - a for a, b in zip(start.at, end.at, strict=True))
+            yield Hinge(driver.link, start.name, axis, driver.against)
+            continue
         grounded = read.ground_points(driver.link) if read.is_spatial_body(driver.link) else []
         if driver.link not in seen and len(grounded) > 1:
             start, end = grounded[:2]

@@ -13,7 +13,6 @@ from symgen.loads.of_links import Angle
 from symgen.methods import method_of
 from symgen.scene.rods.linkage import (
     TIME,
-    Driver,
     Event,
     Linkage,
     PlacedPoint,
@@ -21,6 +20,7 @@ from symgen.scene.rods.linkage import (
     SpatialBody,
     Vector,
 )
+from symgen.scene.rods.rotations import Driver
 from symgen.scene.rods.run_parameters import LENGTH, Parameter, Written
 from symgen.symbolic.calculus import partial
 from symgen.symbolic.constants import vanishes
@@ -266,7 +266,8 @@ def _driver(letters: Letters, linkage: Linkage, number: int) -> Driver:
     of_crank = crank is not None and driver.link == crank.link
     units, name = ("rad", "rad/s"), driver.link
     places = ("crank.angle", "crank.speed") if of_crank else (f"drivers.{number}.angle", "")
-    angle = motion_of(letters, driver.angle, name, units, f"angle of link {name}", *places)
+    about = f"angle of link {name}" + (f" from {driver.against}" if driver.against else "")
+    angle = motion_of(letters, driver.angle, name, units, about, *places)
     return replace(driver, angle=angle)
 
 

@@ -16,7 +16,7 @@ from symgen.loads.load import Load
 from symgen.loads.measure import Measure
 from symgen.scene.elastic.links import Crank, ElasticLink, JointInSpace, ModalDamping, Station
 from symgen.scene.limit import Limit
-from symgen.scene.rods.rotations import GearPair, Hinge
+from symgen.scene.rods.rotations import Driver, GearPair, Hinge
 from symgen.scene.rods.run_parameters import FirstOrder, Parameter, Switch, Winding, Written, defaults
 from symgen.scene.units import Shown
 from symgen.symbolic.constants import rounded
@@ -159,14 +159,6 @@ class Guide:
     name: str
     points: tuple[str, ...]
     along: str
-
-
-@dataclass(frozen=True, slots=True)
-class Driver:
-    """A link whose direction [rad] is prescribed by the time t; in space its rotation from the drawing."""
-
-    link: str
-    angle: sp.Expr
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Constraints on rotations of links: revolute joints with the ground in space, gears in the plane."""
+"""Constraints on rotations of links: drives, revolute joints in space, gears in the plane."""
 
 from __future__ import annotations
 
@@ -9,11 +9,15 @@ import sympy as sp
 
 @dataclass(frozen=True, slots=True)
 class Hinge:
-    """A revolute joint at a ground point of a link in space; ``axis`` is its direction, of any length."""
+    """A revolute joint at a ground point of a link in space; ``axis`` is its direction, of any length.
+
+    With ``against`` it is between two bodies, about the line through two points that they share, as drawn.
+    """
 
     link: str
     point: str
     axis: tuple[sp.Expr, ...]
+    against: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,3 +32,20 @@ class GearPair:
     links: tuple[str, str]
     teeth: tuple[int, int]
     carrier: str
+
+
+@dataclass(frozen=True, slots=True)
+class Driver:
+    """A link whose direction [rad] is prescribed by the time t; in space its rotation from the drawing.
+
+    With ``against`` it is the direction from that of another link, on which the reaction acts.
+    """
+
+    link: str
+    angle: sp.Expr
+    against: str = ""
+
+    @property
+    def output(self) -> str:
+        """Name of the output that is the prescribed angle."""
+        return f"{self.link}.{'relative_angle' if self.against else 'angle'}"

@@ -64,8 +64,13 @@ def driving(loads: Evaluator, times: Array) -> dict[str, Array]:
         return {}
     still = np.zeros((len(times), loads.description.coordinates))
     values = loads.many("driven_angles", times, still, still)
-    rows = loads.info("driven_angles").blocks[0].rows
-    return {f"{row.split(' ')[0]}.angle": column for row, column in zip(rows, values.T, strict=True)}
+    return dict(zip(names_of_drives(loads), values.T, strict=True))
+
+
+def names_of_drives(loads: Evaluator) -> list[str]:
+    """Return the names of the outputs that are the angles of drives, against the ground or another link."""
+    rows = (row.split(" ") for row in loads.info("driven_angles").blocks[0].rows)
+    return [f"{link}.{'relative_angle' if other else 'angle'}" for link, _, *other in rows]
 
 
 def analyse(

@@ -82,8 +82,18 @@ class Assembly:
 
     def _labels(self, name: str) -> list[tuple[str, str]]:
         """Return the two names in each row name of a matrix; none when there is no such matrix."""
-        pairs = [row.split(" ") for row in self._block(name).rows] if self._has(name) else []
-        return [(first, second) for first, second in pairs]
+        rows = [row.split(" ") for row in self._block(name).rows] if self._has(name) else []
+        return [(first, second) for first, second, *_ in rows]
+
+    @cached_property
+    def _reacting(self) -> list[tuple[Unknown, str, str]]:
+        """Every torque between two links, with the other link and the point at which its reaction acts."""
+        rows = [row.split(" ")[2:] for row in self._block("driven_angles").rows] if self._drives else []
+        return [(u, other[0], other[1]) for u, other in zip(self._drives, rows, strict=True) if other]
+
+    @property
+    def _drives(self) -> list[Unknown]:
+        return [u for u in self.unknowns if u.kind == "torque"]
 
     def _values(self, name: str) -> Array:
         """Return a matrix of the loads at all poses, (poses, rows, columns)."""
@@ -164,6 +174,10 @@ class Assembly:
             # The guide pushes the point along the normal, and the point pushes the link back.
             along = -normals[:, guides.index(u)] if normals is not None and u.kind == "guide" else None
             attached.append(Attachment(at, share, u.column, None, along, u.kind == "torque"))
+        for u, other, point in self._reacting:
+            if other == link:
+                against = np.full((len(self._poses), 1), -1.0)
+                attached.append(Attachment(*self._at(link, point), u.column, None, against, True))
         for i, (name, point) in enumerate(self._labels("gears")):
             for k, u in enumerate(u for u in self.unknowns if u.kind == "gear"):
                 if name == link:
@@ -261,9 +275,13 @@ class Assembly:
                 for end, part in zip(self.points_of(link)[:2], (1.0 - share, share), strict=True):
                     add(end, part * push)
         gears = [u.column for u in self.unknowns if u.kind == "gear"]
-        for i, (link, _) in enumerate(self._labels("gears")):
+        couples = [
+            (link, np.einsum("kj,kj->k", x[:, gears], self._values("gears")[:, i]))
+            for i, (link, _) in enumerate(self._labels("gears"))
+        ]
+        couples += [(link, -x[:, u.column]) for u, link, _ in self._reacting]
+        for link, couple in couples:
             if link not in self.names:
-                couple = np.einsum("kj,kj->k", x[:, gears], self._values("gears")[:, i])
                 start, end = self.points_of(link)[:2]
                 d = self.places[:, self.index(end)] - self.places[:, self.index(start)]
                 push = (couple / np.einsum("ki,ki->k", d, d))[:, None] * np.stack([d[:, 1], -d[:, 0]], 1)

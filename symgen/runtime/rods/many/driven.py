@@ -25,7 +25,7 @@ from symgen.runtime.result.records import Variable, over_time
 from symgen.runtime.rods.constraints import rotations_of
 from symgen.runtime.rods.following.branch import TURN, nodes_of, turned
 from symgen.runtime.rods.following.groups import Groups, groups_of
-from symgen.runtime.rods.forces.analysis import driving, of_drive, of_unknown
+from symgen.runtime.rods.forces.analysis import driving, names_of_drives, of_drive, of_unknown
 from symgen.runtime.rods.forces.assembly import Assembly, Unknown
 from symgen.runtime.rods.large_start import LARGE
 from symgen.runtime.rods.many.starts import start_of
@@ -232,8 +232,7 @@ class Driven:
         loads, axes, variables = self.model.analysis("forces"), self.model.description.axes, []
         if loads.has("driven_angles"):
             angles = over_variants(loads, "driven_angles", parameter_rows, self.nodes[self.recorded], states)
-            rows = loads.info("driven_angles").blocks[0].rows
-            variables = [of_drive(f"{row.split(' ')[0]}.angle", angles[..., i]) for i, row in enumerate(rows)]
+            variables = [of_drive(name, angles[..., i]) for i, name in enumerate(names_of_drives(loads))]
         return variables + [of_unknown(u, axes, joints[..., columns]) for u, columns in self.unknowns]
 
     def _of_motion(
