@@ -210,22 +210,31 @@ class RodsModel(ConstrainedPoints):
             terms.append(dot(tuple(velocity), self.residual(point)) if any(velocity) else ZERO)
         return sp.Add(*terms)
 
-    @cached_property
-    def drives_of_links(self) -> dict[str, Drive]:
-        """Drives by the name of the link that they rotate, or whose length they prescribe."""
-        drives = {}
+    def _drives(self) -> Iterator[tuple[str, Drive]]:
+        """Yield the drives, each after the link that it rotates, or whose length it prescribes."""
         for of in self.linkage.drivers:
             hinge = self.hinges.get(of.link)
             arm = hinge.arm if hinge else self.linkage.link(of.link).length
             about = f" from {of.against}" if of.against else ""
             about += " about its axis" if hinge else ", counter-clockwise"
             torque = -self.multipliers[f"{of.link}_drive"].symbol * arm
-            drives[of.link] = Drive(torque, partial(of.angle, TIME.symbol), about=about)
+            yield of.link, Drive(torque, partial(of.angle, TIME.symbol), about=about)
         for rod in self.rods:
             rate = partial(rod.length, TIME.symbol)
             if rate != 0:
-                drives[rod.name] = Drive(-self.tension(rod), rate, rod.length)
-        return drives
+                yield rod.name, Drive(-self.tension(rod), rate, rod.length)
+
+    @cached_property
+    def outputs_of_drives(self) -> dict[str, dict[str, Entries]]:
+        """Outputs of drives by link and word; of a link with two drives the power is that of both."""
+        known: dict[str, dict[str, Entries]] = {}
+        for link, drive in self._drives():
+            outputs, others = drive.outputs(link), known.setdefault(link, {})
+            if "power" in others:
+                (first,), (second,) = others["power"][0], outputs["power"][0]
+                outputs["power"] = [first + second], "W", f"power of the drives of {link}"
+            others.update(outputs)
+        return known
 
     def tension(self, rod: RigidLink) -> sp.Expr:
         """Return the force of the length constraint of a rod, tension positive [N]."""

@@ -143,19 +143,18 @@ def _force(model: RodsModel, link: str, point: str) -> Entries:
 
 
 def _torque(model: RodsModel, name: str) -> Entries:
-    drive = model.drives_of_links.get(name)
-    if drive is None or drive.length is not None:
+    known = model.outputs_of_drives.get(name, {})
+    if "torque" not in known:
         raise SceneError(
             f"{name} has no driver, so no drive torque",
             hint=f"Remove {name}.torque from the outputs, as --set analysis.outputs=none does with all; "
             "applied torques are outputs by their number from 0, such as torques.0.torque.",
         )
-    return drive.outputs(name)["torque"]
+    return known["torque"]
 
 
 def _of_drive(model: RodsModel, name: str, word: str) -> Entries:
-    drive = model.drives_of_links.get(name)
-    known = drive.outputs(name) if drive else {}
+    known = model.outputs_of_drives.get(name, {})
     if word not in known:
         raise SceneError(
             f"{name} has no {'driver and no ' if word == 'power' else ''}driven length, so no {word}",
@@ -396,5 +395,5 @@ def _entries(model: RodsModel, name: str) -> Entries:
     known += [f"{k}.{w}" for k in links for w in OF_LINKS]
     loaded = {k: points for k, points in links.items() if k not in model.idle}
     known += [f"{k}.{p}.{w}" for k, points in loaded.items() for p in points for w in OF_JOINTS]
-    known += [*of_loads, *(f"{k}.{w}" for k, d in model.drives_of_links.items() for w in d.outputs(k))]
+    known += [*of_loads, *(f"{k}.{w}" for k, words in model.outputs_of_drives.items() for w in words)]
     raise SceneError(f"there is no output {name!r}", hint=nearest(name, known))
