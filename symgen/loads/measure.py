@@ -79,17 +79,20 @@ class CoordinatePlane(Protocol):
 class Measure:
     """A quantity of the linkage on which a load acts.
 
-    ``integrable``: energies are differentiated as functions of positions; the energy of an angle is not,
-    since the gradient of the angle is known without an arc tangent. ``balanced``: its forces on points have
-    no resultant and no moment. ``joins``: it connects the components on which it acts. ``section``: the point
-    at whose sections of elastic links a couple acts; "" for rigid links. ``follows``: the link with which its
-    force rotates, or with whose section at a place; "" if the force is fixed. ``effort``: the name of its
-    force among outputs, ``force`` [N] or ``torque`` [N m]; "" without an output. ``extent``: the name of its
-    value among outputs, ``length`` [m] or ``angle`` [rad], with ``rate``; "" without these.
+    ``integrable``: energies are differentiated as functions of positions; others have the virtual work of
+    forces and couples: the gradient of an angle is known without an arc tangent, and that of axes of a link
+    would also stretch the link. ``winds``: its energy is known up to revolutions. ``balanced``: its forces
+    on points have no resultant and no moment. ``joins``: it connects the components on which it acts.
+    ``section``: the point at whose sections of elastic links a couple acts; "" for rigid links. ``follows``:
+    the link with which its force rotates, or with whose section at a place; "" if the force is fixed.
+    ``effort``: the name of its force among outputs, ``force`` [N] or ``torque`` [N m]; "" without an output.
+    ``extent``: the name of its value among outputs, ``length`` [m] or ``angle`` [rad], with ``rate``; ""
+    without these.
     """
 
     __slots__ = ()
     integrable = True
+    winds = False
     balanced = False
     joins = False
     effort = extent = ""
@@ -220,6 +223,15 @@ def components(geometry: Geometry, force: Vector, place: Vector) -> Iterator[Wor
     for f, c in zip(force, place, strict=False):
         if f != 0:
             yield f, geometry.calculus.gradient(c), geometry.calculus.rate(c)
+
+
+def works_of_couple(geometry: Geometry, couple: Couple) -> Iterator[Work]:
+    """Yield the virtual work of a couple on a link."""
+    if len(couple.torque) == 1:
+        yield (couple.torque[0], *geometry.turning(couple.link, ""))
+        return
+    for arm, push in geometry.couple_in_space(couple.link, couple.torque):
+        yield from components(geometry, push, arm)
 
 
 def on_fixed_axes(geometry: Geometry, link: str, force: Vector) -> Vector:

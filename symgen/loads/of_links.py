@@ -20,6 +20,7 @@ from symgen.loads.measure import (
     Work,
     components,
     on_fixed_axes,
+    works_of_couple,
 )
 from symgen.symbolic.calculus import ONE, ZERO
 from symgen.symbolic.quantity import AXES
@@ -59,6 +60,7 @@ class Angle(_OnLinks):
     free: sp.Expr = ZERO
     section: str = ""
     integrable = False
+    winds = True
     joins = True
     effort, extent = "torque", "angle"
 
@@ -91,11 +93,7 @@ class LinkRotation(_OnLinks):
 
     def works(self, geometry: Geometry, force: Vector) -> Iterator[Work]:
         for couple in _couples(self.link, self.against, self.put(geometry, force)):
-            if len(couple.torque) == 1:
-                yield (couple.torque[0], *geometry.turning(couple.link, ""))
-            else:
-                for arm, push in geometry.couple_in_space(couple.link, couple.torque):
-                    yield from components(geometry, push, arm)
+            yield from works_of_couple(geometry, couple)
 
     def actions(self, geometry: Geometry, term: LoadTerm) -> Iterator[Action]:
         yield from _couples(self.link, self.against, self.put(geometry, term.force))
@@ -141,6 +139,7 @@ class _OfFrames(_OnLinks):
     """A measure of the axes b of a link on the axes a of another one, or of the ground, in space."""
 
     __slots__ = ()
+    integrable = False
     joins = True
 
     def pairs(self, i: int) -> tuple[tuple[sp.Expr, int, int], ...]:
@@ -155,13 +154,18 @@ class _OfFrames(_OnLinks):
         return tuple(geometry.calculus.rate(c) for c in self.value(geometry))
 
     def works(self, geometry: Geometry, force: Vector) -> Iterator[Work]:
-        yield from components(geometry, self.put(geometry, force), self.value(geometry))
+        for couple in self._both(geometry, force):
+            yield from works_of_couple(geometry, couple)
 
     def actions(self, geometry: Geometry, term: LoadTerm) -> Iterator[Action]:
+        yield from self._both(geometry, term.total)
+
+    def _both(self, geometry: Geometry, force: Vector) -> Iterator[Couple]:
+        """Yield the couples on both links."""
         a, b = geometry.frame(self.against), geometry.frame(self.link)
         arms = [
             tuple(push * f * c for c in cross(b[k], a[j]))
-            for i, push in enumerate(self.put(geometry, term.total))
+            for i, push in enumerate(self.put(geometry, force))
             for f, j, k in self.pairs(i)
         ]
         yield from _couples(self.link, self.against, tuple(map(sp.Add, *arms)))

@@ -24,6 +24,7 @@ from symgen.loads.measure import (
     Work,
     components,
     on_fixed_axes,
+    works_of_couple,
 )
 from symgen.symbolic.calculus import ZERO
 from symgen.symbolic.quantity import AXES
@@ -190,6 +191,10 @@ class Offset(Measure):
     effort = "force"
 
     @property
+    def integrable(self) -> bool:  # type: ignore[override]
+        return not self.frame
+
+    @property
     def points(self) -> tuple[tuple[str, str], ...]:
         return (("between", self.start), ("between", self.end))
 
@@ -205,7 +210,10 @@ class Offset(Measure):
         return tuple(geometry.calculus.rate(c) for c in self.value(geometry))
 
     def works(self, geometry: Geometry, force: Vector) -> Iterator[Work]:
-        yield from components(geometry, self.put(geometry, force), self.value(geometry))
+        push = self.fixed(geometry, self.put(geometry, force))
+        yield from components(geometry, push, geometry.line(self.name, self.start, self.end))
+        for couple in self._couple(geometry, push):
+            yield from works_of_couple(geometry, couple)
 
     def fixed(self, geometry: Geometry, force: Vector) -> Vector:
         axes = zip(*geometry.frame(self.frame), strict=True)
@@ -215,6 +223,10 @@ class Offset(Measure):
         push = self.fixed(geometry, self.put(geometry, term.total))
         yield PointForce(self.end, push)
         yield PointForce(self.start, tuple(-c for c in push))
+        yield from self._couple(geometry, push)
+
+    def _couple(self, geometry: Geometry, push: Vector) -> Iterator[Couple]:
+        """Yield the couple on the link of the axes that balances the forces on the points."""
         if self.frame:
             line = geometry.line(self.name, self.start, self.end)
             moment = (cross_in_plane(push, line),) if len(line) == 2 else cross(push, line)

@@ -252,7 +252,7 @@ def _shaft_alone(linkage: Linkage) -> bool:
     """Return whether only the shaft of the crank and damping of links do work over a revolution."""
     terms = [term for load in linkage.loads for term in load.terms(linkage.dimension)]
     # The energy of an angle is known up to revolutions.
-    worked = any(term.force or not term.on.integrable for term in terms)
+    worked = any(term.force or term.on.winds for term in terms)
     moved = any(p.ground and p.motion != p.at for p in linkage.points)
     return not (worked or moved or len(linkage.drivers) > 1)
 
