@@ -24,6 +24,7 @@ from symgen.cli import (
     design,
     exporting,
     inspection,
+    optimising,
     reporting,
 )
 from symgen.cli.common import FAULT, INTERRUPTED, RUN, SCENE, USAGE, app, tell
@@ -54,6 +55,7 @@ __all__ = [
     "exporting",
     "inspection",
     "main",
+    "optimising",
     "reporting",
 ]
 

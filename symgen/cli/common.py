@@ -17,6 +17,8 @@ from symgen.errors import ModelError, SimulationError
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from symgen.report.page.study import Study
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 #: Exit codes, which ``symgen --help`` lists; ``symgen.cli`` maps errors to them by class.
@@ -97,17 +99,22 @@ def _is_whole(text: str) -> bool:
 
 @contextmanager
 def saved_on_failure(out: Path | None) -> Iterator[None]:
-    """Save the samples recorded before a run ended to the output file, if one is given.
-
-    Print how a run that is interrupted continues from its checkpoint.
-    """
+    """Save the samples recorded before a run ended to the output file, if one is given."""
     try:
-        yield
+        with told_on_interrupt():
+            yield
     except SimulationError as error:
         if out and error.partial is not None:
             error.partial.save(out)
             tell(f"the samples that are kept are in {out}")
         raise
+
+
+@contextmanager
+def told_on_interrupt() -> Iterator[None]:
+    """Print where results are, or how a run continues from its checkpoint, when Ctrl-C ends it."""
+    try:
+        yield
     except KeyboardInterrupt as error:
         if error.args:
             tell(str(error))
@@ -149,3 +156,19 @@ def show(
     else:
         print_tables(console())
         wrote(file, plot)
+
+
+def show_study(
+    study: Study, name: str, data: dict[str, Any], as_json: bool, page: Path | None, *files: Path | None
+) -> None:
+    """Write the page of a study if requested; print the study and the files written, or one JSON object."""
+    from symgen.atomic import write_text
+    from symgen.report.page.study import print_study, render_study
+
+    if page:
+        write_text(page, render_study(study, name))
+    if as_json:
+        print_json(data)
+        return
+    print_study(study, console())
+    wrote(*files, page)

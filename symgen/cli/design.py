@@ -9,7 +9,15 @@ from typing import Annotated, Any
 import typer
 
 from symgen.cli import options as o
-from symgen.cli.common import changes, command, console, print_json, progress_bar, wrote
+from symgen.cli.common import (
+    changes,
+    command,
+    console,
+    print_json,
+    progress_bar,
+    show_study,
+    told_on_interrupt,
+)
 from symgen.cli.request import analysis
 from symgen.errors import ModelError, SimulationError
 
@@ -58,7 +66,7 @@ def synthesise(
         stem = {"spherical": "spherical_four_bar"}.get(result.linkage, result.linkage.replace("-", "_"))
         scenes = [d.linkage.toml(result.title, result.units).encode() for d in result.designs]
         write_folder(out, {f"{stem}_{i}.toml": scene for i, scene in enumerate(scenes, 1)}, "scenes")
-    _show(synthesis_study(result), task.stem, result.summary(), as_json, page, out)
+    show_study(synthesis_study(result), task.stem, result.summary(), as_json, page, out)
 
 
 def _chart(task: Path, vary: str, plot: Path | None, page: Path | None, as_json: bool) -> None:
@@ -70,23 +78,7 @@ def _chart(task: Path, vary: str, plot: Path | None, page: Path | None, as_json:
     chart = design_chart(task, name, values)
     if plot:
         plot_chart(chart, plot)
-    _show(chart_study(chart), task.stem, chart.summary(), as_json, page, plot)
-
-
-def _show(
-    study: Any, name: str, data: dict[str, Any], as_json: bool, page: Path | None, *files: Path | None
-) -> None:
-    """Write the page of a study if requested; print the study and the files written, or one JSON object."""
-    from symgen.atomic import write_text
-    from symgen.report.page.study import print_study, render_study
-
-    if page:
-        write_text(page, render_study(study, name))
-    if as_json:
-        print_json(data)
-        return
-    print_study(study, console())
-    wrote(*files, page)
+    show_study(chart_study(chart), task.stem, chart.summary(), as_json, page, plot)
 
 
 @analysis(
@@ -161,7 +153,7 @@ def sweep(ctx: typer.Context) -> None:
     if "vary" not in arguments:
         raise ModelError("expected parameters to vary: --vary KEY=START:STOP:COUNT, or [sweep] in the scene")
     out, plot = params["out"], params["plot"]
-    model, arguments["vary"] = varied(
+    model, arguments["vary"], units = varied(
         scene, arguments["vary"], set=changes(params["set_"]), backend=params["backend"]
     )
     arguments |= {"file": out, "part": _part(params["part"]), "threads": params["threads"]}
@@ -172,17 +164,21 @@ def sweep(ctx: typer.Context) -> None:
     if dask and processes is not None:
         raise ModelError("give --processes or --dask, not both")
     with (
+        told_on_interrupt(),
         dask_client(dask) if dask else nullcontext(processes) as executor,
         progress_bar(f"sweep of {model.name}", params["as_json"]) as progress,
     ):
         runs = model.sweep(**arguments, executor=executor, progress=progress)
+    sweeps.show_in(runs, units)
     about = sweeps.summary(runs)
     if about["failed"] == about["runs"] - about["missing"] > 0:
         raise SimulationError(f"all {about['failed']} runs failed, the first: {about['first_error']}")
     if plot:
         sweeps.plot(runs, file=plot)
     data = {"scene": model.name, "kind": "sweep", **about}
-    _show(sweeps.sweep_study(runs, about), model.name, data, params["as_json"], params["page"], out, plot)
+    show_study(
+        sweeps.sweep_study(runs, about), model.name, data, params["as_json"], params["page"], out, plot
+    )
 
 
 def _estimated(model: Any, arguments: dict[str, Any], as_json: bool) -> None:
@@ -214,62 +210,3 @@ def _part(text: str | None) -> tuple[int, int]:
     if not slash or not first.isdecimal() or not last.isdecimal():
         raise ModelError(f"expected --part I/N such as 2/8, got {text!r}")
     return int(first), int(last)
-
-
-@command("symgen optimise barrier.toml --method differential-evolution")
-def optimise(
-    scene: o.Scene,
-    method: Annotated[
-        str | None,
-        o.option("--method", metavar="NAME", help="SLSQP (default), trust-constr, differential-evolution."),
-    ] = None,
-    seed: Annotated[
-        int | None, o.option("--seed", metavar="N", help="Seed of differential evolution (0).")
-    ] = None,
-    set_: o.Set = None,
-    page: o.Page = None,
-    as_json: o.Json = False,
-    backend: o.Backend = "auto",
-) -> None:
-    r"""Find the parameters that minimise an output.
-
-    The table \[optimise] of the scene has the variables with their bounds, the objective and the constraints.
-    Two objectives give the designs of their Pareto front.
-    """
-    from symgen.report.sweeps import optimum_study
-    from symgen.scene.loading import load_scene
-    from symgen.study.sweeps import varied
-
-    plan: Any = load_scene(scene, set=changes(set_)).optimise
-    if plan is None:
-        raise ModelError(
-            "there is no optimisation in this scene\n  Write [optimise] with variables and objective."
-        )
-    arguments = plan.model_dump(exclude_unset=True)
-    arguments["constraints"] = {name: (b.least, b.greatest) for name, b in plan.constraints.items()}
-    arguments |= {name: value for name, value in (("method", method), ("seed", seed)) if value is not None}
-    model, arguments["variables"] = varied(
-        scene, arguments["variables"], set=changes(set_), backend=backend, table="optimise.variables"
-    )
-    if isinstance(arguments["objective"], list):
-        _front(model, arguments, page, as_json)
-        return
-    if arguments.pop("points", None) is not None:
-        raise ModelError("points are those of a Pareto front: give [optimise] two objectives")
-    optimum = model.optimise(**arguments)
-    study = optimum_study(optimum, arguments["objective"])
-    data = {"scene": model.name, "kind": "optimum", **optimum.summary()}
-    _show(study, model.name, data, as_json, page)
-
-
-def _front(model: Any, arguments: dict[str, Any], page: Path | None, as_json: bool) -> None:
-    """Find, print and write the Pareto front of two objectives."""
-    from symgen.report.sweeps import front_study
-
-    if arguments.pop("method", "SLSQP") != "SLSQP":
-        raise ModelError("a Pareto front is found by SLSQP: omit the method")
-    arguments.pop("seed", None)
-    front = model.pareto(objectives=arguments.pop("objective"), **arguments)
-    points = {str(n): front[n].values.tolist() for n in (*front.coords, *front.data_vars)}
-    data = {"scene": model.name, "kind": "pareto", "points": points, "runs": front.attrs["runs"]}
-    _show(front_study(front), model.name, data, as_json, page)

@@ -16,16 +16,18 @@ from symgen.report.page.sweep_plots import (
     outputs_of,
     parameters_of,
     plot,
+    plot_course,
     plot_front,
     unit_of,
     values_of,
     written,
 )
-from symgen.runtime.many.dataset import EARLY, RECORDED
+from symgen.runtime.many.dataset import EARLY, PARAMETER, RECORDED
 from symgen.runtime.many.poses import NOTES
 from symgen.runtime.many.reductions import REDUCTIONS
 from symgen.runtime.result.elastic import beyond_linear_theory
-from symgen.runtime.result.records import converters, display_units, key_of, with_unit
+from symgen.runtime.result.records import WRITTEN_UNIT, converters, display_units, key_of, with_unit
+from symgen.runtime.sweeps.problem import ReducedOutput
 from symgen.runtime.sweeps.stores import DONE
 
 if TYPE_CHECKING:
@@ -36,6 +38,14 @@ if TYPE_CHECKING:
 
 #: Runs that are read at a time.
 _READ = 2**20
+
+
+def show_in(runs: xarray.Dataset, units: Mapping[str, tuple[str, float]]) -> None:
+    """Show parameters in the units in which they are written: name and size in SI, by parameter."""
+    for name in parameters_of(runs):
+        unit = units.get(name.removesuffix(PARAMETER))
+        if unit:
+            runs[name].attrs[WRITTEN_UNIT] = unit
 
 
 def summary(runs: xarray.Dataset) -> dict[str, Any]:
@@ -169,24 +179,58 @@ def _figures(runs: xarray.Dataset, varied: Sequence[str]) -> Iterator[tuple[Call
         yield lambda: plot(runs, *histories_of(runs)), "Curves of the runs", few
 
 
-def optimum_study(optimum: Optimum, objective: str) -> Study:
-    """Return an optimisation: its variables, the objective and the constrained quantities."""
-    units = {p.name: p.unit for p in optimum.model.description.tunable} | optimum.units
+def optimum_study(
+    optimum: Optimum, objective: str, written_units: Mapping[str, tuple[str, float]] | None = None
+) -> Study:
+    """Return an optimisation: variables, objective and constrained quantities, also at its start.
+
+    ``written_units`` are name and size in SI of the units in which variables are written, by variable.
+    """
+    tunable = optimum.model.description.tunable
+    units = {p.name: p.unit for p in tunable} | optimum.units
     quantities = {**optimum.parameters, objective: optimum.objective, **optimum.constraints}
     shown = converters(optimum.model.description.units)
-    keys = {p.name: key_of(p.name, p.about) for p in optimum.model.description.tunable}
+    keys = {p.name: key_of(p.name, p.about) for p in tunable}
     rows = []
     for name, value in quantities.items():
-        unit, size = shown.get(units[name], (units[name], 1.0))
-        rows.append((keys.get(name, name), f"{value / size + 0.0:.6g}", unit))
+        unit, size = (written_units or {}).get(name) or shown.get(units[name], (units[name], 1.0))
+        both = [optimum.start[name], value] if optimum.start else [value]
+        rows.append((keys.get(name, name), *(f"{x / size + 0.0:.6g}" for x in both), unit))
     unmet = () if optimum.converged else ("The method did not meet its tolerance",)
+    heads = ("start", "optimum") if optimum.start else ("optimum",)
     return Study(
         title=f"{optimum.model.description.title}: least {objective}",
-        table=TableView(("", "value", "unit"), tuple(rows)),
+        table=TableView(("", *heads, "unit"), tuple(rows)),
         notes=(optimum.message.rstrip("."), *unmet),
         facts=(Fact("runs", str(optimum.runs)), Fact("gradients", optimum.gradients)),
-        texts=(0, 2),
+        texts=(0, len(heads) + 1),
     )
+
+
+def optimum_figures(
+    model: Any, optimum: Optimum, search: Mapping[str, Any], units: Mapping[str, tuple[str, float]]
+) -> tuple[tuple[Callable[[], Figure], str, str], ...]:
+    """Return what draws the course of an optimisation, and the outputs of its start and its optimum.
+
+    ``search`` are the arguments of the optimisation. Outputs of a pose, which have no samples, are not drawn.
+    """
+    names = [search["objective"], *search["constraints"]]
+    quantities = [ReducedOutput.named(name, optimum.parameters) for name in names]
+    outputs = list(dict.fromkeys(q.output for q in quantities if q.reduction))
+    options = {key: search[key] for key in ("analysis", "samples", "t_end") if key in search}
+    values = {
+        name: [optimum.start.get(name, model.parameters[name]), value]
+        for name, value in optimum.parameters.items()
+    }
+    runs = model.sweep(values, sampling="list", outputs=outputs, reduce="history", **options)
+    runs.attrs["title"] = f"{model.description.title}: start and optimum"
+    show_in(runs, units)
+    unit = optimum.units[names[0]]
+    shown = converters(model.description.units).get(unit, (unit, 1.0))
+    course = (lambda: plot_course(optimum.history, names[0], shown)), "The objective after each iteration", ""
+    if not histories_of(runs):
+        return (course,)
+    return course, ((lambda: plot(runs, *histories_of(runs))), "Outputs of the start and of the optimum", "")
 
 
 def front_study(front: xarray.Dataset) -> Study:

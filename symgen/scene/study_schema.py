@@ -35,10 +35,10 @@ class SweepTable(Table):
 
 
 class BoundsTable(Table):
-    """Bounds of an output in SI units."""
+    """Bounds of an output; numbers are in SI units."""
 
-    least: float | None = None
-    greatest: float | None = None
+    least: Value | None = None
+    greatest: Value | None = None
 
 
 class Optimise(Table):

@@ -155,6 +155,12 @@ def is_quantity(text: str) -> bool:
     return bool(_QUANTITY.fullmatch(text) or _NOT_FINITE.match(text))
 
 
+def unit_in(text: str) -> str:
+    """Return the unit that a quantity is written in; empty without one, and for other texts."""
+    match = _QUANTITY.fullmatch(text)
+    return (match["unit"] or "").strip() if match else ""
+
+
 @lru_cache(maxsize=512)
 def parse_quantity(text: str) -> tuple[Fraction, Dimension]:
     """Return the exact SI value and the dimension of a text such as ``"2.5 cm"``.

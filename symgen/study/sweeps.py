@@ -20,8 +20,10 @@ from symgen.runtime.sweeps.designs import Normal, Uniform
 from symgen.scene.expressions import is_frequency, parse_any
 from symgen.scene.loading import SceneText, check_scene, override, read_scene
 from symgen.scene.reading import Values
-from symgen.scene.units import is_quantity, shown_unit
+from symgen.scene.units import is_quantity, shown_unit, unit_in
 
+#: Name and size in SI of the units in which parameters are written, by parameter.
+WrittenUnits = dict[str, tuple[str, float]]
 _NORMAL = re.compile(r"normal\((.*),(.*)\)$")
 _FORMS = '"START:STOP:COUNT", a list "V1,V2", a range "LOW:HIGH" to sample, or "normal(MEAN, DEVIATION)"'
 
@@ -40,8 +42,10 @@ def varied(
     set: Mapping[str, Any] | None = None,
     backend: str = "auto",
     table: str = "sweep.vary",
-) -> tuple[Any, dict[str, Any]]:
-    """Return the model of a scene, and the values or distributions of its varied parameters in SI units.
+) -> tuple[Any, dict[str, Any], WrittenUnits]:
+    """Return the model of a scene, its varied parameters in SI units, and the units they are written in.
+
+    The second are values or distributions by parameter; the last are name and size in SI of a unit.
 
     Parameters
     ----------
@@ -62,7 +66,8 @@ def varied(
         For keys that have no single value, and values of wrong units or form.
     """
     text, names = tunable(override(read_scene(source), set or {}), vary)
-    return build_selected(text, backend=backend), values_of(text, names, vary, table)
+    values = values_of(text, names, vary, table)
+    return build_selected(text, backend=backend), values, _units_of(text, names, vary)
 
 
 def tunable(text: SceneText, keys: Iterable[str]) -> tuple[SceneText, dict[str, str]]:
@@ -82,6 +87,25 @@ def values_of(
         return {names[key]: _values(read, names[key], value, table) for key, value in vary.items()}
     except SceneError as error:
         raise error.located(file=text.file) from None
+
+
+def _units_of(text: SceneText, names: Mapping[str, str], vary: Mapping[str, Any]) -> WrittenUnits:
+    """Return by parameter the unit of its first value that has one, else that of its value in the scene."""
+    read, units = Values(check_scene(text)), dict[str, tuple[str, float]]()
+    for key, value in vary.items():
+        name = names[key]
+        of_scene = read.scene.parameters[name].value
+        texts = [f"1 {value.unit}"] if isinstance(value, Column) else _texts(value)
+        unit = next(filter(None, map(unit_in, [*texts, *_texts(of_scene)])), "")
+        if unit:
+            units[name] = unit, float(_values(read, name, f"1 {unit}", "")[0])
+    return units
+
+
+def _texts(value: Any) -> list[str]:
+    """Return the quantities in the text of values; none for numbers."""
+    each = value if isinstance(value, list) else [value]
+    return [part for text in each if isinstance(text, str) for part in re.split(r"[:,]|normal\(|\)", text)]
 
 
 def _tunable(text: SceneText, key: str) -> tuple[SceneText, str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from symgen.cli import app
-from symgen.errors import ModelError, SymgenError
+from symgen.errors import ModelError, SceneError, SymgenError
 
 EXAMPLE = str(Path(__file__).parents[2] / "docs" / "barrier.toml")
 
@@ -57,6 +58,59 @@ def test_the_page_has_the_result(tmp_path):
     page = tmp_path / "least.html"
     done = CliRunner().invoke(app, ["optimise", EXAMPLE, "--set", "optimise.samples=5", "--page", str(page)])
     text = page.read_text(encoding="utf-8")
-    value = next(line.split()[1] for line in done.stdout.splitlines() if line.startswith("arm.torque.peak"))
+    value = next(line.split()[2] for line in done.stdout.splitlines() if line.startswith("arm.torque.peak"))
     assert f"wrote {page}" in done.stdout.replace("\n", "")
     assert f'<td class="n">{value}</td><td class="n">N*m</td>' in text and "Barrier" in text
+    assert text.count("<figure") == 4 and "<figcaption>Optimum</figcaption>" in text
+    assert not re.search("NaN|nan", text)
+
+
+def test_the_optimal_scene_is_written_with_the_comments_and_units_of_the_first(tmp_path):
+    """Its peak torque is the objective, in a closed form at the values in the file."""
+    source, best = tmp_path / "barrier.toml", tmp_path / "best.toml"
+    text = Path(EXAMPLE).read_text(encoding="utf-8").replace("[links]", "# one link\n[links]")
+    source.write_text(text.replace('"0.4 m"', '"400 mm"'), encoding="utf-8")
+    arguments = ["optimise", str(source), "--set", "optimise.samples=10", "--write", str(best), "--json"]
+    found = json.loads(CliRunner().invoke(app, arguments).stdout)
+    written = best.read_text(encoding="utf-8")
+    assert "# one link\n[links]" in written and "samples = 10" in written and written != text
+    scene = tomllib.loads(written)
+    values = {name: scene["parameters"][name]["value"].split() for name in ("stiffness", "height")}
+    assert [unit for _, unit in values.values()] == ["N/m", "m"]
+    k, h = (float(number) for number, _ in values.values())
+    angles = np.linspace(0.0, math.pi / 2, 10)
+    length = np.sqrt(0.09 + h**2 - 0.6 * h * np.sin(angles))
+    torque = (8 * 9.81 * 1.5 - k * (length - 0.2) / length * 0.3 * h) * np.cos(angles)
+    assert found["objective"] == pytest.approx(np.max(np.abs(torque)), rel=1e-12)
+    assert found["start"]["height"] == 0.4 and found["history"][-1] == pytest.approx(found["objective"])
+
+
+def test_bounds_of_outputs_have_units():
+    """A bound in lbf*in is that in N*m; one in N, and one of no quantity, are refused."""
+    limits = 'optimise.constraints={ "arm.torque.peak" = { greatest = "%s" } }'
+    arguments = [
+        "optimise",
+        EXAMPLE,
+        "--set",
+        "optimise.samples=5",
+        "--set",
+        'optimise.objective="stiffness"',
+    ]
+    found = json.loads(
+        CliRunner().invoke(app, [*arguments, "--set", limits % "88.5 lbf*in", "--json"]).stdout
+    )
+    assert found["constraints"]["arm.torque.peak"] == pytest.approx(88.5 * 0.0254 * 4.4482216152605, rel=1e-7)
+    for text, words in (("10 N", r"expected a quantity in N\*m, got '10 N'"), ("much", "got 'much'")):
+        with pytest.raises(SceneError, match=words):
+            raise CliRunner().invoke(app, [*arguments, "--set", limits % text]).exception
+
+
+def test_a_front_has_no_scene(tmp_path):
+    arguments = [
+        "--set",
+        'optimise.objective=["arm.torque.peak", "stiffness"]',
+        "--write",
+        str(tmp_path / "a.toml"),
+    ]
+    with pytest.raises(ModelError, match="omit --write"):
+        raise CliRunner().invoke(app, ["optimise", EXAMPLE, *arguments]).exception

@@ -16,6 +16,7 @@ from symgen.cli import app
 from symgen.errors import ModelError, ResultError, SceneError, SimulationError
 from symgen.report.sweeps import plot, summary
 from symgen.runtime.sweeps.designs import Normal, Uniform
+from symgen.runtime.sweeps.sweep import Sweep
 from symgen.scene.loading import read_scene
 from symgen.scene.schema import Scene
 from symgen.study.sweeps import of_file, of_options, tunable, varied
@@ -157,7 +158,7 @@ def test_a_list_of_parameters_is_read_from_a_file(scene, tmp_path):
 
 def test_values_are_read_in_their_units(scene):
     vary = {"length": "20 cm:40 cm", "links.rod.mass": "normal(2 kg, 100 g)"}
-    model, found = varied(scene, vary)
+    model, found, _ = varied(scene, vary)
     assert found == {"length": Uniform(0.2, 0.4), "links_rod_mass": Normal(2.0, 0.1)}
     assert dict(model.parameters) == pytest.approx({"length": 0.5, "links_rod_mass": 2.0})
     text = read_scene(scene)
@@ -292,7 +293,7 @@ def test_the_page_has_extremes_and_a_plot_and_notes_are_of_what_is_there(scene, 
     command(scene, "--page", page)
     text = page.read_text(encoding="utf-8")
     assert f"{3 * 9.81 * 400 / 2:.6g}" in text and "data:image/svg+xml" in text
-    assert "length = 400 mm, links.rod.mass = 3 kg" in text and ">6</dd>" in text
+    assert "length = 40 cm, links.rod.mass = 3 kg" in text and ">6</dd>" in text
     assert "Reductions of 5 samples per run" in text
     assert "reductions of" not in command(scene, "--reduce", "history")
     part = ["--chunk", 4, "--part", "2/2", "--out", tmp_path / "part.zarr"]
@@ -322,7 +323,7 @@ def test_histories_are_drawn_as_curves_and_paths_as_an_atlas(tmp_path):
         "crank_rocker", "--vary", "links.coupler.length=34 cm:36 cm:3", "--samples", 9, *paths, "--page", page
     )
     assert page.read_text(encoding="utf-8").count("data:image/svg+xml") == 2
-    model, vary = varied("crank_rocker", of_options(["links.coupler.length=34 cm:36 cm:2"]))
+    model, vary, _ = varied("crank_rocker", of_options(["links.coupler.length=34 cm:36 cm:2"]))
     runs = model.sweep(vary, outputs=["crank.torque", "coupler.B.force"], reduce="history", samples=9)
     torque, force = plot(runs).axes
     assert len(torque.lines) == len(force.lines) == 2 and len(torque.get_legend().get_texts()) == 2
@@ -353,3 +354,34 @@ def test_a_parameter_in_hertz_varies_in_hertz(tmp_path):
     assert varied(file, {"f": "5 Hz:10 Hz:2"})[1]["f"] == pytest.approx([5.0, 10.0])
     with pytest.raises(SceneError, match="expected a frequency such as '5 Hz'"):
         varied(file, {"f": "5 rev/s,6 rev/s"})
+
+
+def test_parameters_are_shown_in_the_units_in_which_they_are_written(scene):
+    """The scene shows lengths in mm; the option has them in cm, and rates in rpm. Drifts are last."""
+    shown = command(
+        scene, "--vary", "length=0:40 cm:3", "--vary", "speed=30 rpm,60 rpm", "--outputs", "rod.torque"
+    )
+    assert "length = 40 cm" in shown and "speed = 30 rpm" in shown.replace("\n", " ")
+    assert "length: 0 to 40 cm, speed: 30 to 60 rpm" in shown
+    assert shown.index("rod.torque.peak") < shown.index("constraint_drift")
+    table = command(scene, "--vary", "links.rod.mass=1000 g:3000 g:2", "--outputs", "rod.torque")
+    assert "links.rod.mass: 1000 to 3000 g" in table
+
+
+def test_an_interrupt_leaves_the_runs_that_are_finished_in_the_table(scene, tmp_path, monkeypatch):
+    """The third chunk is interrupted: the rows of the first two are those of the whole table."""
+    whole, part, chunks = tmp_path / "whole.csv", tmp_path / "part.csv", []
+    options = ["--vary", "length=20 cm:40 cm:7", "--outputs", "rod.torque", "--chunk", "2"]
+    command(scene, *options, "--out", whole)
+    arrays = Sweep.arrays
+
+    def interrupted(*arguments):
+        chunks.append(arguments)
+        if len(chunks) == 3:
+            raise KeyboardInterrupt
+        return arrays(*arguments)
+
+    monkeypatch.setattr(Sweep, "arrays", interrupted)
+    stopped = CliRunner().invoke(app, ["sweep", scene, *options, "--out", str(part)])
+    assert stopped.exit_code == 130 and "4 of 7 runs are in" in stopped.output
+    assert part.read_text().splitlines() == whole.read_text().splitlines()[:5]

@@ -14,7 +14,7 @@ from symgen.report.page.plots import WIDTH as _WIDTH
 from symgen.report.page.plots import save
 from symgen.runtime.many.dataset import EARLY, RECORDED
 from symgen.runtime.many.poses import FLOQUET
-from symgen.runtime.result.records import display_units, key_of, shown_in
+from symgen.runtime.result.records import WRITTEN_UNIT, display_units, key_of, shown_in
 
 if TYPE_CHECKING:
     import xarray
@@ -44,9 +44,10 @@ def parameters_of(runs: xarray.Dataset) -> list[str]:
 
 
 def outputs_of(runs: xarray.Dataset) -> list[str]:
-    """Return the names of all values that runs have one of, or one for each axis."""
+    """Return the names of all values that runs have one of, or one for each axis; drifts are last."""
     inner = {name: set(v.dims) - {"run", "axis"} for name, v in runs.data_vars.items() if v.dtype.kind == "f"}
-    return sorted(str(name) for name, dims in inner.items() if not dims and name not in ("done", RECORDED))
+    names = [str(name) for name, dims in inner.items() if not dims and name not in ("done", RECORDED)]
+    return sorted(names, key=lambda name: (name.endswith("_drift"), name))
 
 
 def histories_of(runs: xarray.Dataset) -> list[str]:
@@ -143,6 +144,19 @@ def plot_front(front: xarray.Dataset) -> Figure:
     return figure
 
 
+def plot_course(history: Sequence[float], name: str, shown: tuple[str, float]) -> Figure:
+    """Plot an objective over the iterations, in a unit given by name and size in SI."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 3), layout="constrained")
+    panel: Any = figure.subplots()
+    panel.xaxis.get_major_locator().set_params(integer=True)
+    panel.plot(range(1, len(history) + 1), np.array(history) / shown[1], marker=".")
+    panel.set(xlabel="iteration", ylabel=f"{name} [{shown[0]}]" if shown[0] not in ("", "1") else name)
+    panel.grid(alpha=0.3)
+    return figure
+
+
 def _curves(runs: xarray.Dataset, names: Sequence[str], file: str | os.PathLike[str] | None) -> Figure:
     """Draw histories: over their coordinate, or of points in the plane as an atlas of their paths."""
     from matplotlib import colormaps
@@ -223,7 +237,10 @@ def _scale(panel: Any, values: NDArray[np.float64]) -> None:
 
 def unit_of(runs: xarray.Dataset, name: str) -> tuple[str, float]:
     """Return name and size in SI of the unit in which a variable is shown."""
-    return shown_in(name, runs[name].attrs.get("units", ""), display_units(runs.attrs))
+    attributes = runs[name].attrs
+    if WRITTEN_UNIT in attributes:
+        return tuple(attributes[WRITTEN_UNIT])
+    return shown_in(name, attributes.get("units", ""), display_units(runs.attrs))
 
 
 def values_of(runs: xarray.Dataset, name: str) -> Any:

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 #: Name of the number of samples of each run, next to reductions.
 RECORDED = "recorded"
+#: Behind the name of a parameter that is also that of an output.
+PARAMETER = " (parameter)"
 #: Name of the reasons why runs ended early.
 EARLY = "ended_early"
 #: Most runs that a thread takes at a time: progress is reported in these parts.
@@ -239,7 +241,7 @@ def arrays_of(
     units = {p.name: (p.unit, p.about) for p in description.tunable}
     for name, values in columns.items():
         unit, about = units[name]
-        label = name if name not in data and name not in coordinates else f"{name} (parameter)"
+        label = name if name not in data and name not in coordinates else f"{name}{PARAMETER}"
         coordinates[label] = ("run", np.array(values), {"units": unit, "long_name": about})
     return data, coordinates
 

@@ -34,6 +34,8 @@ _STRESS = ("MPa", 1e6)
 _OF_ONE_WORD = {"rad": "angle", "m": "length"}
 #: Attribute of datasets of many runs, whose values are in SI.
 _DISPLAY_UNITS = "display_units"
+#: Attribute of a parameter that is shown in the unit in which it is written: name, and size in SI.
+WRITTEN_UNIT = "written_unit"
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ModelError
+from symgen.runtime.many.dataset import PARAMETER
 
 if TYPE_CHECKING:
     import xarray
@@ -102,6 +103,6 @@ def layout_of(dataset: xarray.Dataset, parameters: Sequence[str]) -> SweepLayout
         entries.append(
             StoredArray(str(name), dims, sizes, text, dict(variable.attrs), name in dataset.coords)
         )
-    labels = {p: f"{p} (parameter)" if f"{p} (parameter)" in dataset.coords else p for p in parameters}
+    labels = {p: p + PARAMETER if p + PARAMETER in dataset.coords else p for p in parameters}
     axes = tuple(str(a) for a in dataset["axis"].values) if "axis" in dataset.variables else ()
     return SweepLayout(tuple(entries), labels, axes)

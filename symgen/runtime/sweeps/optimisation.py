@@ -6,7 +6,7 @@ import math
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -55,6 +55,10 @@ class Optimum:
         Number of runs.
     model
         The model with these parameters.
+    start
+        Variables, objective and constrained quantities at the start; empty for differential evolution.
+    history
+        The objective after each iteration or generation; before constraints are met, it may be better.
     """
 
     parameters: dict[str, float]
@@ -66,6 +70,8 @@ class Optimum:
     gradients: str
     runs: int
     model: Any
+    start: dict[str, float] = field(default_factory=dict)
+    history: tuple[float, ...] = ()
 
     def __repr__(self) -> str:
         state = "converged" if self.converged else "not converged"
@@ -106,23 +112,28 @@ def optimum_of(search: OptimisationArguments, objective: str, measured: Sequence
     _check_bounds(problem, x)
     if not start and method != "differential-evolution":
         x = _working(problem, goal, x)
-    pairs = [(quantities[name], *limits[name]) for name in limits]
+    pairs, named = [(quantities[name], *limits[name]) for name in limits], {objective: goal, **quantities}
+    begun, history = dict[str, float](), list[float]()
     if method == "differential-evolution":
-        optimum = _evolved(problem, goal, pairs)
+        optimum = _evolved(problem, goal, pairs, history)
     else:
-        optimum = _descended(problem, goal, pairs, x)
+        begun = dict(zip(bounds, problem.parameters(x).tolist(), strict=True))
+        begun |= {name: problem.value(quantity, x) for name, quantity in named.items()}
+        optimum = _descended(problem, goal, pairs, x, history)
     x = np.clip(optimum.x[: len(bounds)], 0.0, 1.0)
     values = dict(zip(bounds, problem.parameters(x).tolist(), strict=True))
     return Optimum(
         values,
         problem.value(goal, x),
         {name: problem.value(quantity, x) for name, quantity in quantities.items()},
-        {name: problem.unit(quantity) for name, quantity in {objective: goal, **quantities}.items()},
+        {name: problem.unit(quantity) for name, quantity in named.items()},
         bool(optimum.success),
         str(optimum.message),
         "none" if method == "differential-evolution" else problem.gradients,
         problem.runs,
         model.with_parameters(**values),
+        begun,
+        tuple(history),
     )
 
 
@@ -172,8 +183,8 @@ def _working(problem: Problem, goal: ReducedOutput, x: Array) -> Array:
     return x
 
 
-def _descended(problem: Problem, goal: ReducedOutput, limits: _Limits, x: Array) -> Any:
-    """Minimise by gradients, with further variables for the bounds of samples.
+def _descended(problem: Problem, goal: ReducedOutput, limits: _Limits, x: Array, history: list[float]) -> Any:
+    """Minimise by gradients, with further variables for the bounds of samples; add to the history.
 
     A step that ends where a run fails is shortened, since the objective is large there.
     """
@@ -212,7 +223,10 @@ def _descended(problem: Problem, goal: ReducedOutput, limits: _Limits, x: Array)
     else:  # its own criterion leaves out the barrier parameter, which bounds the error of active constraints
         options |= {"gtol": 0.0, "xtol": search.tolerance, "barrier_tol": search.tolerance}
 
-    def met(_: Array, state: Any) -> bool:
+    def met(y: Array, state: Any = None) -> bool:
+        history.append(problem.value(goal, there(y)))
+        if state is None:  # of SLSQP
+            return False
         rest = (state.optimality, state.constr_violation, state.barrier_parameter)
         return max(rest) < search.tolerance
 
@@ -226,7 +240,8 @@ def _descended(problem: Problem, goal: ReducedOutput, limits: _Limits, x: Array)
             bounds=[(0.0, 1.0)] * count + [(None, None)] * len(signs),
             constraints=[rule.constraint(search.method, len(begin)) for rule in rules],
             options=options,
-            **({} if search.method == "SLSQP" else {"callback": met, **_hessian(bool(signs), len(begin))}),
+            callback=met,
+            **({} if search.method == "SLSQP" else _hessian(bool(signs), len(begin))),
         )
     if search.method != "SLSQP" and optimum.status == _STOPPED:
         optimum.success, optimum.message = True, "Optimality, constraints and barrier meet the tolerance"
@@ -319,7 +334,7 @@ def _between(
     return _Rule(value, slope, low / size, high / size, not quantity.reduction)
 
 
-def _evolved(problem: Problem, goal: ReducedOutput, limits: _Limits) -> Any:
+def _evolved(problem: Problem, goal: ReducedOutput, limits: _Limits, history: list[float]) -> Any:
     """Minimise by differential evolution: all points of a generation are runs of one call."""
     from scipy.optimize import NonlinearConstraint, differential_evolution
     from scipy.stats.qmc import LatinHypercube
@@ -344,6 +359,9 @@ def _evolved(problem: Problem, goal: ReducedOutput, limits: _Limits) -> Any:
 
         return with_bounds
 
+    def kept(intermediate_result: Any) -> None:
+        history.append(float(intermediate_result.fun))
+
     constraints = tuple(NonlinearConstraint(bounded(q, low), low, high) for q, low, high in limits)
     return differential_evolution(
         value,
@@ -356,4 +374,5 @@ def _evolved(problem: Problem, goal: ReducedOutput, limits: _Limits) -> Any:
         vectorized=True,
         updating="deferred",
         polish=False,
+        callback=kept,
     )

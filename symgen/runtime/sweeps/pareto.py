@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from symgen.errors import ModelError
+from symgen.runtime.many.dataset import PARAMETER
 from symgen.runtime.result.records import attributes_of
 from symgen.runtime.sweeps.optimisation import Optimum, optimum_of
 from symgen.runtime.sweeps.problem import OptimisationArguments
@@ -62,7 +64,7 @@ def undominated(model: Any, optima: Sequence[Optimum], first: str, second: str) 
     data["converged"] = ("point", np.array([o.converged for o in efficient]))
     units = {p.name: p.unit for p in model.description.tunable}
     parameters = {
-        name if name not in data else f"{name} (parameter)": (
+        name if name not in data else f"{name}{PARAMETER}": (
             "point",
             np.array([o.parameters[name] for o in efficient]),
             {"units": units[name]},
@@ -71,4 +73,5 @@ def undominated(model: Any, optima: Sequence[Optimum], first: str, second: str) 
     }
     runs = sum(o.runs for o in optima)
     attributes = attributes_of(model.description, f"Pareto front of {first} and {second}")
-    return xarray.Dataset(data, parameters, {**attributes, "runs": runs, "gradients": efficient[0].gradients})
+    about = {"runs": runs, "gradients": efficient[0].gradients, "units": json.dumps(efficient[0].units)}
+    return xarray.Dataset(data, parameters, attributes | about)

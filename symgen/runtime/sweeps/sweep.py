@@ -158,10 +158,10 @@ class Sweep:
         found = carried_out(self._runs(columns), self.keep, self.threads, None)
         return dataset_of(self.model.description, self.analysis, columns, *found)
 
-    def chunk(self, layout: SweepLayout) -> int:
-        """Return the number of runs of a chunk."""
+    def chunk(self, layout: SweepLayout, least: int = _LEAST) -> int:
+        """Return the number of runs of a chunk, ``least`` of them where results are small."""
         share = -(-self.design.count // _CHUNKS)
-        size = min(_RUNS, max(1, _BYTES // layout.row), max(share, _LEAST))
+        size = min(_RUNS, max(1, _BYTES // layout.row), max(share, least))
         return size if size < _LANES else size // _LANES * _LANES
 
 
@@ -209,7 +209,7 @@ def carry_out(
 ) -> xarray.Dataset:
     """Carry out the missing chunks of a sweep, or of one part of them; see :meth:`symgen.Model.sweep`."""
     table = check(sweep, file, chunk, part)
-    store, layout = _store(sweep, None if table else file, chunk)
+    store, layout = _store(sweep, file, chunk, table)
     chunks = _chunks(sweep.design.count, store.chunk, part)
     missing = [span for span in chunks if not store.is_done(span[0])]
     finished = len(chunks) - len(missing)
@@ -225,11 +225,20 @@ def carry_out(
         )
     else:
         results = submitted(sweep, layout, missing, executor)
-    with closing(results):  # which ends the work of an executor when writing or progress fails
-        for first, arrays in results:
-            store.write(first, arrays)
-            finished += 1
-            within(0.0)
+    kept = list[int]()  # the first runs of chunks that are finished
+    try:
+        with closing(results):  # which ends the work of an executor when writing or progress fails
+            for first, arrays in results:
+                store.write(first, arrays)
+                kept.append(first)
+                finished += 1
+                within(0.0)
+    except KeyboardInterrupt:
+        if not table or not kept:
+            raise
+        rows = np.concatenate([np.arange(*span) for span in chunks if span[0] in kept])
+        write_table(store.dataset().isel(run=rows), table)
+        raise KeyboardInterrupt(f"{len(rows)} of {sweep.design.count} runs are in {table}") from None
     if progress:
         progress(1.0)
     if isinstance(store, Zarr) and store.group[DONE][:].all():  # the last part reads the others, once
@@ -293,18 +302,19 @@ def estimate(sweep: Sweep, chunk: int | None, part: tuple[int, int]) -> tuple[in
 
 
 def _store(
-    sweep: Sweep, file: str | os.PathLike[str] | None, chunk: int | None
+    sweep: Sweep, file: str | os.PathLike[str] | None, chunk: int | None, table: Path | None
 ) -> tuple[MemoryStore | Zarr, SweepLayout]:
-    if file is None:
-        layout = sweep.layout()
+    layout = sweep.layout()
+    least = _LANES * (sweep.threads or os.cpu_count() or 1) if table else _LEAST  # an interrupt loses few
+    size = chunk or sweep.chunk(layout, least)
+    if file is None or table:
         if sweep.design.count * layout.row > _HELD:
             raise ModelError(
                 f"the results of {sweep.design.count} runs are too large for memory: take fewer, or give a "
                 "sweep a file"
             )
-        return MemoryStore(layout, sweep.design.count, chunk or sweep.chunk(layout), sweep.attributes), layout
-    path, layout = Path(file), sweep.layout()
-    size = chunk or sweep.chunk(layout)
+        return MemoryStore(layout, sweep.design.count, size, sweep.attributes), layout
+    path = Path(file)
     store = _part_of(sweep, Zarr(path) if path.exists() else Zarr.created(path, layout, sweep, size))
     store.restored(layout, sweep)
     return store, layout

@@ -91,7 +91,7 @@ def test_tolerances_and_optimisations_refuse_runs_that_all_end_early(model):
 
 
 def test_keys_of_the_scene_are_shown_as_they_are_written():
-    model, vary = varied("crank_rocker", {"links.crank.length": "26 cm,28 cm"})
+    model, vary, _ = varied("crank_rocker", {"links.crank.length": "26 cm,28 cm"})
     runs = model.sweep(vary, "kinematics", samples=21, of=["B"])
     study = sweep_study(runs, summary(runs))
     assert any("the first, links.crank.length = 0.26 m: dead centre" in note for note in study.notes)

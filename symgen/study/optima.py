@@ -1,0 +1,104 @@
+"""Optimisations of a scene: bounds of outputs with units, and the scene of the optimum as a file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from symgen.errors import SceneError
+from symgen.runtime.result.records import key_of
+from symgen.scene.loading import SceneText, override, read_scene, scene_path
+from symgen.scene.units import OF_ANGLES, is_quantity, parse_quantity, shown_unit, unit_in
+from symgen.study.sweeps import WrittenUnits
+
+#: Units of outputs that the unit of a dimension stands for.
+_ALSO = {"N*m": ("J",), "1/s": ("Hz",)}
+
+
+def bounds_of(constraints: Mapping[str, Any]) -> tuple[dict[str, tuple[Any, Any]], dict[str, str]]:
+    """Return by quantity the lower and upper bound in SI units, and the text of a bound with a unit.
+
+    Raises
+    ------
+    SceneError
+        For a bound that is no number and no quantity.
+    """
+    bounds, texts = {}, dict[str, str]()
+    for name, table in constraints.items():
+        ends = []
+        for key in ("least", "greatest"):
+            value = getattr(table, key)
+            if isinstance(value, str):
+                if not is_quantity(value):
+                    raise SceneError(
+                        f"expected a quantity such as '5 N*m', got {value!r}",
+                        where=f"optimise.constraints.{name}.{key}",
+                    )
+                if unit_in(value):
+                    texts[name] = value
+                value = float(parse_quantity(value)[0])
+            ends.append(value)
+        bounds[name] = (ends[0], ends[1])
+    return bounds, texts
+
+
+def check_units(texts: Mapping[str, str], units: Mapping[str, str]) -> None:
+    """Raise SceneError for a bound that has another unit than its quantity; ``units`` are those in SI."""
+    for name, text in texts.items():
+        unit = shown_unit(text)
+        fits = {unit, *_ALSO.get(unit, ())}
+        if unit in OF_ANGLES.values():
+            fits |= {plain for plain, angles in OF_ANGLES.items() if angles == unit}
+        if units[name] not in fits:
+            raise SceneError(
+                f"expected a quantity in {units[name]}, got {text!r}", where=f"optimise.constraints.{name}"
+            )
+
+
+def with_values(
+    text: SceneText, values: Mapping[str, float], units: WrittenUnits, description: Any
+) -> SceneText:
+    """Return a scene with values in SI units of parameters, or of the keys that these stand for."""
+    changes = dict[str, Any]()
+    for p in description.tunable:
+        if p.name in values:
+            unit, size = units.get(p.name, (p.unit, 1.0))
+            number = values[p.name] / size
+            changes[key_of(p.name, p.about)] = number if unit in ("", "1") else f"{number!r} {unit}"
+    return override(text, changes)
+
+
+def written(source: str | os.PathLike[str], changed: SceneText) -> str:
+    """Return the text of a scene file with the values of a changed scene; all else, comments too, is kept."""
+    import tomlkit
+
+    document = tomlkit.parse(scene_path(source).read_text(encoding="utf-8-sig"))
+    _update(document, read_scene(source).data, changed.data)
+    return tomlkit.dumps(document)
+
+
+def _update(document: Any, before: Any, after: Any) -> None:
+    """Change a table or list of a document where the data differ."""
+    if isinstance(after, dict):
+        for key in before.keys() - after.keys():
+            del document[key]
+        for key, value in after.items():
+            if key not in before:
+                document[key] = value
+            elif value != before[key]:
+                _change(document, key, before[key], value)
+        return
+    for i, value in enumerate(after):
+        if value != before[i]:
+            _change(document, i, before[i], value)
+
+
+def _change(document: Any, key: Any, before: Any, after: Any) -> None:
+    alike = (isinstance(before, dict) and isinstance(after, dict)) or (
+        isinstance(before, list) and isinstance(after, list) and len(before) == len(after)
+    )
+    if alike:
+        _update(document[key], before, after)
+    else:
+        document[key] = after
