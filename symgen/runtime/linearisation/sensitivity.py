@@ -21,6 +21,8 @@ from symgen.runtime.linearisation.vibration import spectrum
 
 #: Largest difference of slopes of constraints that agree, over their size.
 _EQUAL = 1e-9
+#: Time within which two switching points are one [s], and the relative difference of equal slopes of it.
+_AT_ONCE, _SAME = 1e-9, 1e-6
 #: Stiffness of a neutral freedom, over the largest.
 _NEUTRAL = 1e-12
 #: Fraction of the largest displacement above which a coordinate represents a motion.
@@ -233,15 +235,46 @@ def jumps_between(branches: Array, tangents: Callable[[int, int], Tangents], by:
         before, after = tangents(i, i - 1), tangents(i, i)
         change = before.moving - after.moving
         if np.any(change):
-            (switch,) = np.flatnonzero(branches[i] - branches[i - 1])
-            crossings.append(Jump(i, change, *passing(before, f"switch.{switch}", by)))
+            gaps = [f"switch.{k}" for k in np.flatnonzero(branches[i] - branches[i - 1])]
+            crossings.append(Jump(i, change, *_of_passing(before, gaps, by)))
     return crossings
+
+
+def _of_passing(at: Tangents, gaps: Sequence[str], by: Sequence[str]) -> tuple[Array, Array]:
+    """Return the derivatives of the time of a switching point, at which loads took other branches.
+
+    A gap that is not zero there changes sign with another one, such as that of a profile of the remainder
+    ``mod`` with the remainder.
+
+    Raises
+    ------
+    ModelError
+        Where gaps pass zero at once whose times change differently: motions beside are not linear.
+    """
+    rates = np.array([_rate(at, gap) for gap in gaps])
+    values = np.array([at.slopes.values[gap] for gap in gaps])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        away = np.where(rates != 0.0, np.abs(values / rates), np.inf)
+    there = [passing(at, gaps[k], by) for k in np.flatnonzero(away <= np.min(away) + _AT_ONCE)]
+    first = np.concatenate(there[0])
+    for other in there[1:]:
+        if not np.allclose(np.concatenate(other), first, rtol=_SAME, atol=_SAME * np.max(np.abs(first))):
+            raise ModelError(
+                f"two loads switch at once, at {at.state.t:.6g} s, and parameters move their times apart: "
+                "there are no derivatives\n  Change a parameter a little, or end before this time."
+            )
+    return there[0]
+
+
+def _rate(at: Tangents, gap: str) -> float:
+    """Return the rate of a gap along the motion."""
+    row = at.slopes.outputs[gap]
+    return float(row[: 2 * at.n] @ at.moving + row[-1])
 
 
 def passing(at: Tangents, gap: str, by: Sequence[str]) -> tuple[Array, Array]:
     """Return the derivatives of the time [s] at which a gap passes zero, by the state and by directions."""
-    row = at.slopes.outputs[gap]
-    rate = row[: 2 * at.n] @ at.moving + row[-1]
+    row, rate = at.slopes.outputs[gap], _rate(at, gap)
     return row[: 2 * at.n] / -rate, at.direct(row[None], by)[0] / -rate
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import mpmath as mp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from shared.slopes import slopes
 
 import symgen
@@ -138,3 +139,46 @@ def test_an_event_that_ends_the_run_moves_with_the_parameters(method):
             ModelError, match="integrals are not available for an event that ends the run: there"
         ):
             model.sensitivity([], by, t_end=1.0, integrals=["A.position.x"], **options)
+
+
+def test_a_profile_of_a_remainder_wraps_at_one_switching_point():
+    """The force falls from F to 0 where the angle wraps: remainder and profile switch at once.
+
+    Derivatives of the angle by F are differences of the minimal equation, carried on from boundary to boundary.
+    """
+    scene = symgen.Scene(
+        symgen=1,
+        parameters={"F": {"value": "1 N", "tunable": True}},
+        points={"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["0 m", "-1 m"]}},
+        links={"rod": {"points": ["O", "A"], "mass": "1 kg"}},
+        gravity={"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
+        start={"rates": {"rod": "3 rad/s"}},
+        analysis={"outputs": ["rod.angle"]},
+        forces=[{"point": "A", "force": ["F*profile.poly345(mod(rod.angle + pi/2 + 0.05, 0.3)/0.2)", "0 N"]}],
+    )
+
+    def angle(force, end=0.3):
+        t, y, n = 0.0, [0.0, 3.0], 0
+        while t < end:
+            start, moving = 0.3 * (n // 2) - 0.05, n % 2 == 0
+
+            def rate(_, y, start=start, moving=moving):
+                s = (y[0] - start) / 0.2 if moving else 1.0
+                push = force * (10 * s**3 - 15 * s**4 + 6 * s**5)
+                return [y[1], 3 * (push * np.cos(y[0]) - 9.81 / 2 * np.sin(y[0]))]
+
+            def boundary(_, y, at=start + (0.2 if moving else 0.3)):
+                return y[0] - at
+
+            boundary.terminal = True
+            run = solve_ivp(rate, (t, end), y, events=boundary, rtol=1e-12, atol=1e-13, method="DOP853")
+            t, y, n = run.t[-1], run.y[:, -1], n + 1
+        assert n > 3
+        return y[0]
+
+    h = 1e-3
+    expected = (8 * (angle(1 + h) - angle(1 - h)) - (angle(1 + 2 * h) - angle(1 - 2 * h))) / (12 * h)
+    run = symgen.build(scene).simulate(0.3, samples=2, rtol=1e-11, atol=1e-13)
+    assert np.asarray(run["rod.angle"])[-1] + np.pi / 2 == pytest.approx(angle(1.0), abs=1e-9)
+    found = run.gradient(["rod.angle"], ["F"], coordinates=["rod.angle"]).derivatives
+    assert np.ravel(found)[-1] == pytest.approx(expected, rel=1e-7)
