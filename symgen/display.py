@@ -28,7 +28,7 @@ class Shown:
 
     __slots__ = ("_analysis",)
 
-    def of_analysis(self, model: Any, verb: str) -> None:
+    def _of_analysis(self, model: Any, verb: str) -> None:
         """Set the model, and the name of its analysis, whose table shows the record."""
         object.__setattr__(self, "_analysis", (model, verb))
 

@@ -273,7 +273,9 @@ OF_ANALYSES: dict[str, Any] = {
         callback=_writable("result", "runtime.result.result:SAVED_AS"),
     ),
     "plot": Plot,
-    "plot_of": names("--of", "Outputs, points or links in the plot; default: all outputs.", group=_OUTPUT),
+    "plot_of": names(
+        "--plot-of", "Outputs, points or links in the plot; default: six quantities.", group=_OUTPUT
+    ),
     "xy": maybe(
         str,
         "--xy",

@@ -95,7 +95,7 @@ class CommandRequest:
         if selected and not plot:
             raise ModelError(f"{selected} selects the content of a plot: give --plot FILE")
         if path and (names or over):
-            raise ModelError("give --xy, or --of and --over, not both")
+            raise ModelError("give --xy, or --plot-of and --over, not both")
         stems = [file.stem for file in files or ()]
         others = {}
         for file in files or ():

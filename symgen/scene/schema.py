@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from inspect import Parameter, Signature
 from typing import Any, Literal
 
 from pydantic import ConfigDict, Field, PrivateAttr, ValidationError
@@ -221,14 +222,21 @@ class Analysis(Table):
     )
 
 
-class Scene(Table):
+class _Interface(type(Table)):  # type: ignore[misc]
+    """Type of a class that lists its interface alone, also in ``help``."""
+
+    def __dir__(cls) -> list[str]:
+        return [name for name in vars(cls) if not name.startswith(("_", "model_"))]
+
+
+class Scene(Table, metaclass=_Interface):
     """One mechanism with its analysis: points and links, or a loop.
 
     It has a list of tables for each kind of load in ``symgen.loads.LOADS``, after the point masses, and the
     tables that rows of ``symgen.methods.METHODS`` add.
 
     Build it from a file with :func:`symgen.load_scene`, or in Python with the same words:
-    ``symgen.Scene(symgen=1, points={...}, links={...})``.
+    ``symgen.Scene(symgen=1, points={...}, links={...})``. ``docs/scene.md`` describes all tables and keys.
     """
 
     model_config = ConfigDict(json_schema_extra=_for_editors)
@@ -382,6 +390,7 @@ def _add_tables() -> None:
     _ADDED.clear()
     _ADDED.update(kinds)
     Scene.model_rebuild(force=True)
+    Scene.__signature__ = Signature([Parameter("tables", Parameter.VAR_KEYWORD)])
 
 
 _add_tables()

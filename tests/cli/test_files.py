@@ -45,14 +45,14 @@ def test_a_plot_of_some_outputs_or_of_a_path(tmp_path, entry, monkeypatch):
     drawn = []
     monkeypatch.setattr(Result, "plot", lambda _, *names, file, xy, **more: drawn.append((names, xy, file)))
     file = tmp_path / "run.svg"
-    for words in (["--of", "energy"], ["--of", "A", "--of", "energy"], ["--xy", "B"], []):
+    for words in (["--plot-of", "energy"], ["--plot-of", "A", "--plot-of", "energy"], ["--xy", "B"], []):
         call("run", "four_bar", "--t-end", "0.1", "--plot", file, *words)
     assert drawn == [(("energy",), "", file), (("A", "energy"), "", file), ((), "B", file), ((), "", file)]
-    for words in (("--of", "energy"), ("--xy", "B")):
+    for words in (("--plot-of", "energy"), ("--xy", "B")):
         code, _, said = entry("run", "four_bar", *words)
         assert code == 2 and said == f"symgen: {words[0]} selects the content of a plot: give --plot FILE\n"
     code, _, said = entry("run", "four_bar", "--xy", "B", "--over", "energy", "--plot", file)
-    assert code == 2 and "give --xy, or --of and --over, not both" in said
+    assert code == 2 and "give --xy, or --plot-of and --over, not both" in said
 
 
 def test_a_plot_compares_with_a_saved_result(tmp_path):

@@ -56,6 +56,6 @@ def test_an_optimum_shows_its_variables():
     optimum = symgen.build("slider_crank").optimise(
         objective="theta1.drive.peak", variables={"a4": (0.0, 0.2)}, samples=13
     )
-    rows = {row[0]: row for row in cells(optimum._repr_html_()) if len(row) == 3}
-    assert float(rows["a4"][1]) * 0.0254 == pytest.approx(optimum.parameters["a4"], rel=1e-4, abs=1e-9)
-    assert np.isfinite(float(rows["theta1.drive.peak"][1]))
+    rows = {row[0]: row for row in cells(optimum._repr_html_()) if row}
+    assert float(rows["a4"][-2]) * 0.0254 == pytest.approx(optimum.parameters["a4"], rel=1e-4, abs=1e-9)
+    assert np.isfinite(float(rows["theta1.drive.peak"][-2]))

@@ -132,7 +132,7 @@ class LinearAnalyses:
             for each degree of freedom that is not driven.
         t_end, t_eval
             With one of these, derivatives are along the run from that state: at the end [s], or at these
-            increasing times [s] after the start. For driven loops and elastic links ``t_eval`` are times of
+            increasing times [s] from the start on. For driven loops and elastic links ``t_eval`` are times of
             poses [s]. An event that ends the run of a linkage replaces later times; derivatives at the event
             include the change of its time, and ``time`` is a further output.
         integrals

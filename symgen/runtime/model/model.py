@@ -16,7 +16,7 @@ from symgen.runtime.model.compiled import Compiled
 from symgen.runtime.model.elastic_analyses import ElasticAnalyses
 from symgen.runtime.model.kernel_calls import KernelCalls
 from symgen.runtime.model.linear_analyses import LinearAnalyses
-from symgen.runtime.model.verbs import Verb, verb
+from symgen.runtime.model.verbs import INTERNAL, Verb, verb
 from symgen.runtime.sweeps.calls import Sweeps
 
 if TYPE_CHECKING:
@@ -47,7 +47,8 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         return tuple(name for name in VERBS if self._refused(MANY.get(name, name)) is None)
 
     def __dir__(self) -> list[str]:
-        return sorted({*super().__dir__()} - {*VERBS} | {*self.capabilities})
+        public = {name for name in super().__dir__() if not name.startswith("_")}
+        return sorted(public - INTERNAL - {*VERBS} | {*self.capabilities})
 
     def _carrier(self, name: str) -> Model:
         """Return the model whose method ``_NAME`` carries out an analysis."""

@@ -133,7 +133,7 @@ def _carry_out(model: Any, name: str, prepared: _Call) -> Any:
         arguments = {n: _kept(v) for n, v in arguments.items() if n not in _OUTSIDE}
         result._of_analysis(model, name, arguments)
     elif isinstance(result, Shown):
-        result.of_analysis(model, name)
+        result._of_analysis(model, name)
     return result
 
 
@@ -189,3 +189,11 @@ def _accepted(of: type, name: str) -> frozenset[str]:
         if all(p.kind is not Parameter.VAR_KEYWORD for p in parameters):
             break
     return frozenset(names)
+
+
+#: Names for other parts of symgen, which ``dir`` does not list.
+INTERNAL = {
+    *("MISSING", "analysis", "beams", "closed_start", "constraints", "counting", "crank_speed", "evaluator"),
+    *("in_lanes", "in_mode", "is_changed", "kernels", "layout", "library", "lowest_frequency", "motion"),
+    *("number_type", "parameter_values", "rigid", "tolerances", "typed"),
+}

@@ -176,7 +176,7 @@ class Findings:
         outputs, parameters, coordinates, integrals
             See :meth:`symgen.Model.sensitivity`.
         t_eval
-            Increasing times [s] after the start.
+            Increasing times [s], from the start on.
 
         Raises
         ------
