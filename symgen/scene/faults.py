@@ -20,6 +20,11 @@ ONE_LOOP = (
     "A link-joint table describes a single loop. Mechanisms with several loops are expressed by [points] and "
     "[links], with bodies (links with several points) where three or more joints meet."
 )
+#: How links are joined without ``[[joints]]``.
+JOINED = (
+    "Links that share a point are joined there without this table: by a pin in the plane; in space by a ball "
+    "joint, or, at two common points, by a revolute joint. Sliders are [[guides]]."
+)
 #: Keys of scenes that were meant to have several loops.
 _LOOPS = re.compile(r"loops|loop_?\d+")
 
@@ -65,6 +70,7 @@ def scene_error(scene: type[Table], error: ValidationError) -> SceneError:
             problem = f"expected a whole number, got {value}"
         case "literal_error":
             problem = f"expected {fault['ctx']['expected']}, got {value}"
+            hint = JOINED if place[0] == "joints" else ""
         case "extra_forbidden":
             problem, hint = (
                 f"unknown key {place[-1]!r}",
@@ -78,6 +84,7 @@ def scene_error(scene: type[Table], error: ValidationError) -> SceneError:
                 hint = ONE_LOOP
         case "missing":
             problem = "this key is missing"
+            hint = JOINED if place[0] == "joints" else ""
         case "string_pattern_mismatch":
             problem = f"expected a name of letters, digits and _ that starts with a letter, got {value}"
             if place[-1] in ("title", "about"):

@@ -152,3 +152,21 @@ def test_whitworth():
         assert found["S.position.x"].values[n] == pytest.approx(float(ram.real), abs=1e-11)
         (torque,) = efforts(places, lambda s: [2 * mp.pi * s], masses, t, cut)
         assert found["crank.torque"].values[n] == pytest.approx(torque, abs=1e-8 * 36)
+    # Ends of the stroke: the arm is in line with the rail.
+    ends = (np.pi + np.arcsin(30 / 80)) / (2 * np.pi), 1 - np.arcsin(30 / 80) / (2 * np.pi)
+    model = symgen.build(MACHINES / "whitworth.toml")
+    stroke = model.kinematics(at=ends, over="time", of=["S"])
+    assert stroke["S.velocity"].values == pytest.approx(0, abs=1e-9)
+    assert stroke["S.position"].values[:, 0] == pytest.approx([0.3, 0.18], abs=1e-11)
+
+
+def test_v_twin():
+    """Pistons on their axes; the test of tables has the torque."""
+    times = [0.0, 0.003, 0.0171, 0.0314]
+    found = at_times("v_twin", times)
+    for n, t in enumerate(times):
+        angle = np.pi / 2 + 100 * np.pi * t
+        for name, axis in (("B1", 5 * np.pi / 8), ("B2", 3 * np.pi / 8)):
+            along = 0.048 * np.cos(angle - axis) + np.sqrt(0.17**2 - (0.048 * np.sin(angle - axis)) ** 2)
+            place = along * np.array([np.cos(axis), np.sin(axis)])
+            assert found[f"{name}.position"].values[n] == pytest.approx(place, abs=1e-12)

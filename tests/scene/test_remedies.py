@@ -81,6 +81,24 @@ def test_loads_on_a_rail():
     assert run["A.reaction"].values[0] == pytest.approx([-1.0, -2.0])
 
 
+@pytest.mark.parametrize(
+    "joint, words",
+    [
+        ({"kind": "prismatic", "axis": [1, 0]}, "got 'prismatic'(.|\n)*Sliders are ..guides"),
+        ({"kind": "revolute"}, "key is missing(.|\n)*by a pin in the plane"),
+        ({"kind": "universal", "axis": [1, 0, 0]}, "common point, and a massless rod"),
+    ],
+)
+def test_joints_of_rigid_links(joint, words):
+    """What a user of other programs writes first names the statement that exists."""
+    links = {"rod": {"points": ["O", "P"], "mass": "1 kg"}, "arm": {"points": ["P", "Q"], "mass": "1 kg"}}
+    points, table = POINTS | {"Q": at(2, 1)}, {"point": "P", "links": ["rod", "arm"], **joint}
+    if len(joint.get("axis", ())) == 3:
+        points = {name: {**p, "at": [*p["at"], "0 m"]} for name, p in points.items()}
+    with pytest.raises(SceneError, match=words):
+        build(symgen.Scene(points=points, links=links, joints=[table]))
+
+
 def test_forces_of_a_rail_are_not_proposed():
     links = {"rail": {"points": ["A", "B"]}, "rod": {"points": ["O", "P"], "mass": "1 kg"}}
     scene = pendulum(points=RAIL | POINTS, links=links, analysis={"outputs": ["rail.P.force"]})

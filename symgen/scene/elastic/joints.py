@@ -12,6 +12,7 @@ from symgen.loads.measure import LoadTerm, Measure
 from symgen.scene.elastic.links import ElasticLink
 from symgen.scene.elastic.offsets import is_lug
 from symgen.scene.elastic.schema import Weld
+from symgen.scene.faults import JOINED
 from symgen.scene.reading import Reader
 from symgen.scene.rods.constraints import is_hinge
 from symgen.scene.rods.linkage import CarriedPoint, Linkage, RigidLink, WeldedAngle
@@ -82,10 +83,11 @@ def with_welds(read: Reader, linkage: Linkage) -> Linkage:
         if read.dimension == 3 and is_hinge(read.scene, joint):
             continue
         raise SceneError(
-            "expected a joint of an elastic link, or a revolute joint of one rod with the ground, both in "
-            f"space; got a {joint.kind} joint of {' and '.join(joint.links)} at {joint.point}",
+            "expected a joint of an elastic link, or a revolute joint of a rigid link with the ground, both "
+            f"in space; got a {joint.kind} joint of {' and '.join(joint.links)} at {joint.point}",
             where=f"joints.{i}",
-            hint="Links that share a point are joined there without this table: remove it.",
+            hint=f"{JOINED} A universal joint of two bodies is a common point, and a massless rod that keeps "
+            "the distance of a point of each.",
         )
     angles: list[WeldedAngle] = []
     for i, weld in enumerate(read.scene.welds):
