@@ -44,21 +44,24 @@ def of_input(model: Any, texts: Sequence[str], option: str) -> Values:
     return _read(texts, bare, {size: "input", TIME: "time"}, expected)
 
 
-def of_drive(_: Any, texts: Sequence[str], option: str) -> Values:
-    """Return directions of the driven link of a linkage, or times.
+def of_drive(model: Any, texts: Sequence[str], option: str) -> Values:
+    """Return directions of the driven link of a linkage, or times; lengths if drives are lengths alone.
 
-    Bare numbers are degrees; as the ends of a range they are seconds.
+    Bare numbers are degrees, and of lengths refused; as the ends of a range they are seconds.
 
     Raises
     ------
     ModelError
         For text that is neither, or for both in one list.
     """
-    angle, time, bare = '"45" (degrees) or "0.5 rad"', '"0.3 s"', _DEGREES
+    by_length = model is not None and not model.description.drives
+    kind, value, time, bare = "angles", '"45" (degrees) or "0.5 rad"', '"0.3 s"', _DEGREES
     if option != "--at":
-        angle, time, bare = '"45 deg"', '"0.3" (seconds)', (1.0, "time")
-    expected = f"angles after {option}, such as {angle}, or times such as {time}{_ranges(option)}"
-    return _read(texts, bare, {NUMBER: "input", TIME: "time"}, expected)
+        value, time, bare = '"45 deg"', '"0.3" (seconds)', (1.0, "time")
+    if by_length:
+        kind, value, bare = "lengths", '"20 mm"', (math.nan, "") if option == "--at" else bare
+    expected = f"{kind} after {option}, such as {value}, or times such as {time}{_ranges(option)}"
+    return _read(texts, bare, {LENGTH if by_length else NUMBER: "input", TIME: "time"}, expected)
 
 
 def of_crank(_: Any, texts: Sequence[str], option: str) -> Values:

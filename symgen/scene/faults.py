@@ -23,7 +23,7 @@ ONE_LOOP = (
 #: How links are joined without ``[[joints]]``.
 JOINED = (
     "Links that share a point are joined there without this table: by a pin in the plane; in space by a ball "
-    "joint, or, at two common points, by a revolute joint. Sliders are [[guides]]."
+    "joint, or, at two common points, by a revolute joint. Sliders are [[guides]]. Of rigid links remove it."
 )
 #: Keys of scenes that were meant to have several loops.
 _LOOPS = re.compile(r"loops|loop_?\d+")

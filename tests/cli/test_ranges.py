@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
+import symgen
 from symgen.errors import ModelError
 from symgen.inspection.values import crank_speeds, of_crank, of_drive, of_input, of_pose, of_times
 
@@ -40,6 +42,17 @@ def test_ranges_of_other_values():
         "input",
     )
     assert crank_speeds("60,2 rad/s:4 rad/s:2,1/2 rev/s") == pytest.approx([60 * RPM, 2, 4, math.pi])
+
+
+def test_values_of_a_driven_length_need_a_unit():
+    """A bare number is no angle there: 180 was 3.14 m."""
+    lift = symgen.build(Path(__file__).parents[1] / "cases" / "lift_table.toml")
+    assert of_drive(lift, ["1.1 m,1120 mm"], "--at") == (pytest.approx([1.1, 1.12]), "input")
+    assert of_drive(lift, ["0.5"], "--from") == ([0.5], "time")
+    for text in ("180", "30 deg"):
+        with pytest.raises(ModelError, match='expected lengths after --at, such as "20 mm", or times'):
+            of_drive(lift, [text], "--at")
+    assert of_drive(symgen.build("crank_rocker"), ["180"], "--at") == ([math.pi], "input")
 
 
 @pytest.mark.parametrize(
