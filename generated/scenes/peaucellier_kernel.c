@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char peaucellier_equations[65] = "768525cda17c23e9bd7093f1388209e7aba4e5e7f54e4bd06dd62d554b68556f";
+const char peaucellier_equations[65] = "3a5f4a8c92323d3d3b48ff4aa93762bc13393031a9ee68b260c8ffac58e4dbd0";
 
 /* One over a pivot, or zero where cancellation left nothing of it. */
 static double guarded_inverse(double pivot, double sound, double tolerance)

@@ -159,7 +159,7 @@ void peaucellier_drawn(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RES
  */
 void peaucellier_limits(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);
 
-/* coefficients of power series of the motion: out has 47 numbers of each order
+/* coefficients of power series of the motion: out has 56 numbers of each order
  *   t has the time and the number of orders, work the factors; the first two rows of out are positions and rates.
  */
 void peaucellier_series(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out);

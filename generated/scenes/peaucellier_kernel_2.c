@@ -327,20 +327,32 @@ void peaucellier_limits(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RE
     out[0] = p[0];
 }
 
-enum { ROWS = 47, COORDINATES = 8, MULTIPLIERS = 7 };
+enum { ROWS = 56, COORDINATES = 8, MULTIPLIERS = 7 };
 
-/* Two numbers side by side, in one instruction where the compiler has such a type. */
+/* Two and four numbers side by side, each in one instruction where the compiler has such a type. */
 #ifdef __GNUC__
 typedef double two __attribute__((vector_size(2*sizeof(double)), aligned(sizeof(double)), may_alias));
-#define ZERO(s) two s = {0}
-#define ADD(s, a, b) s += *(const two *)(a) * *(const two *)(b)
-#define TWICE(s) s += s
-#define STORE(s, to) *(two *)(to) = s
+#define ZERO2(s) two s = {0}
+#define ADD2(s, a, b) s += *(const two *)(a) * *(const two *)(b)
+#define TWICE2(s) s += s
+#define STORE2(s, to) *(two *)(to) = s
 #else
-#define ZERO(s) double s##_0 = {0}, s##_1 = {0}
-#define ADD(s, a, b) s##_0 += (a)[0]*(b)[0], s##_1 += (a)[1]*(b)[1]
-#define TWICE(s) s##_0 += s##_0, s##_1 += s##_1
-#define STORE(s, to) (to)[0] = s##_0, (to)[1] = s##_1
+#define ZERO2(s) double s##_0 = {0}, s##_1 = {0}
+#define ADD2(s, a, b) s##_0 += (a)[0]*(b)[0], s##_1 += (a)[1]*(b)[1]
+#define TWICE2(s) s##_0 += s##_0, s##_1 += s##_1
+#define STORE2(s, to) (to)[0] = s##_0, (to)[1] = s##_1
+#endif
+#if defined(__GNUC__) && defined(__AVX__)
+typedef double four __attribute__((vector_size(4*sizeof(double)), aligned(sizeof(double)), may_alias));
+#define ZERO4(s) four s = {0}
+#define ADD4(s, a, b) s += *(const four *)(a) * *(const four *)(b)
+#define TWICE4(s) s += s
+#define STORE4(s, to) *(four *)(to) = s
+#else
+#define ZERO4(s) ZERO2(s##_low); ZERO2(s##_high)
+#define ADD4(s, a, b) ADD2(s##_low, a, b), ADD2(s##_high, (a) + 2, (b) + 2)
+#define TWICE4(s) TWICE2(s##_low), TWICE2(s##_high)
+#define STORE4(s, to) STORE2(s##_low, to), STORE2(s##_high, (to) + 2)
 #endif
 
 /* Coefficients of the motion: those of order t[1] + 1 of the coordinates are the last. */
@@ -358,121 +370,98 @@ void peaucellier_series(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RE
         const double order = (double)k, rate = order + 1, ahead = rate*(order + 2), by = 1/ahead, per = k == 0 ? 0 : 1/order;
         const double first = k == 0, time = k == 0 ? t[0] : k == 1;
         (void)origin_row, (void)first, (void)per, (void)time;
+        /* coefficients of coordinates and their functions, one order ahead */
         for (double *row = k == 0 ? at : next;; row = next) {
             const double origin = row == rows;
             (void)origin;
-            row[29] = row[0];
-            row[30] = row[1];
-            row[38] = row[3];
-            row[37] = row[7];
-            row[31] = row[2] - row[0];
-            row[32] = row[3] - row[1];
-            row[33] = row[4] - row[2];
-            row[34] = row[5] - row[3];
-            row[35] = row[6] - row[4];
-            row[36] = row[7] - row[5];
-            row[39] = row[6] - row[0];
-            row[40] = row[7] - row[1];
-            row[41] = row[6] - 0.02*origin;
-            row[42] = row[2] - 0.02*origin;
-            row[43] = 0.01*origin - 0.5*row[6];
-            row[44] = 0.01*origin - 0.5*row[2];
-            row[45] = 0.02*origin - row[6];
-            row[46] = 0.02*origin - row[2];
+        row[32] = row[0];
+        row[33] = row[1];
+        row[41] = row[3];
+        row[40] = row[7];
+        row[34] = row[2] - row[0];
+        row[35] = row[3] - row[1];
+        row[36] = row[4] - row[2];
+        row[37] = row[5] - row[3];
+        row[38] = row[6] - row[4];
+        row[39] = row[7] - row[5];
+        row[42] = row[6] - row[0];
+        row[43] = row[7] - row[1];
+        row[44] = row[6] - 0.02*origin;
+        row[45] = row[2] - 0.02*origin;
+        row[48] = 0.01*origin - 0.5*row[6];
+        row[49] = 0.01*origin - 0.5*row[2];
+        row[52] = 0.02*origin - row[6];
+        row[53] = 0.02*origin - row[2];
             if (row == next)
                 break;
         }
-        double sum[14];
+        double sum[18];
         {
-            ZERO(s0);
-            ZERO(s2);
-            ZERO(s4);
-            ZERO(s6);
-            ZERO(s8);
-            ZERO(s10);
-            ZERO(s12);
-            const double *a = rows + 15, *b = rows + k*ROWS + 29;
+            ZERO4(s0);
+            ZERO4(s4);
+            ZERO4(s8);
+            ZERO2(s12);
+            const double *a = rows + 16, *b = rows + k*ROWS + 32;
             for (long i = 1; i < k; i++) {
                 a += ROWS, b -= ROWS;
-                ADD(s0, a + 0, b + 0);
-                ADD(s2, a + 2, b + 2);
-                ADD(s4, a + 4, b + 4);
-                ADD(s6, a + 6, b + 6);
-                ADD(s8, a + 8, b + 8);
-                ADD(s10, a + 10, b + 10);
-                ADD(s12, a + 12, b + 12);
+                ADD4(s0, a + 0, b + 0);
+                ADD4(s4, a + 4, b + 4);
+                ADD4(s8, a + 8, b + 8);
+                ADD2(s12, a + 12, b + 12);
             }
-            STORE(s0, sum + 0);
-            STORE(s2, sum + 2);
-            STORE(s4, sum + 4);
-            STORE(s6, sum + 6);
-            STORE(s8, sum + 8);
-            STORE(s10, sum + 10);
-            STORE(s12, sum + 12);
+            STORE4(s0, sum + 0);
+            STORE4(s4, sum + 4);
+            STORE4(s8, sum + 8);
+            STORE2(s12, sum + 12);
         }
         /* coefficient of the right-hand side of the equations of motion */
-        double square_ahead[12];
+        double square_ahead[16];
         {
-            ZERO(s0);
-            ZERO(s2);
-            ZERO(s4);
-            ZERO(s6);
-            ZERO(s8);
-            ZERO(s10);
-            const double *a = rows + ((k + 1)/2 + 1)*ROWS + 29, *b = rows + (k/2 + 1)*ROWS + 29;
+            ZERO4(s0);
+            ZERO4(s4);
+            ZERO4(s8);
+            const double *a = rows + ((k + 1)/2 + 1)*ROWS + 32, *b = rows + (k/2 + 1)*ROWS + 32;
             for (long i = (k + 1)/2; i > 0; i--) {
                 a -= ROWS, b += ROWS;
-                ADD(s0, a + 0, b + 0);
-                ADD(s2, a + 2, b + 2);
-                ADD(s4, a + 4, b + 4);
-                ADD(s6, a + 6, b + 6);
-                ADD(s8, a + 8, b + 8);
-                ADD(s10, a + 10, b + 10);
+                ADD4(s0, a + 0, b + 0);
+                ADD4(s4, a + 4, b + 4);
+                ADD4(s8, a + 8, b + 8);
             }
-            TWICE(s0);
-            TWICE(s2);
-            TWICE(s4);
-            TWICE(s6);
-            TWICE(s8);
-            TWICE(s10);
+            TWICE4(s0);
+            TWICE4(s4);
+            TWICE4(s8);
             if (k % 2 == 0) {
-                a = rows + (k/2 + 1)*ROWS + 29;
-                ADD(s0, a + 0, a + 0);
-                ADD(s2, a + 2, a + 2);
-                ADD(s4, a + 4, a + 4);
-                ADD(s6, a + 6, a + 6);
-                ADD(s8, a + 8, a + 8);
-                ADD(s10, a + 10, a + 10);
+                a = rows + (k/2 + 1)*ROWS + 32;
+                ADD4(s0, a + 0, a + 0);
+                ADD4(s4, a + 4, a + 4);
+                ADD4(s8, a + 8, a + 8);
             }
-            STORE(s0, square_ahead + 0);
-            STORE(s2, square_ahead + 2);
-            STORE(s4, square_ahead + 4);
-            STORE(s6, square_ahead + 6);
-            STORE(s8, square_ahead + 8);
-            STORE(s10, square_ahead + 10);
+            STORE4(s0, square_ahead + 0);
+            STORE4(s4, square_ahead + 4);
+            STORE4(s8, square_ahead + 8);
         }
-        double product_ahead[2];
+        double product_ahead[6];
         {
-            ZERO(s0);
-            const double *a = rows + 43, *b = rows + (k + 2)*ROWS + 45;
+            ZERO2(s0);
+            const double *a = rows + 48, *b = rows + (k + 2)*ROWS + 52;
             for (long i = 1; i < k + 2; i++) {
                 a += ROWS, b -= ROWS;
-                ADD(s0, a + 0, b + 0);
+                ADD2(s0, a + 0, b + 0);
             }
-            STORE(s0, product_ahead + 0);
+            STORE2(s0, product_ahead + 0);
         }
-        const double term0 = sum[11] + origin_row[14]*at[40];
+        const double term0 = sum[11] + origin_row[14]*at[43];
         const double term1 = sum[8] + origin_row[12]*at[7];
-        const double term2 = sum[7] + origin_row[11]*at[36];
-        const double term3 = sum[10] + origin_row[14]*at[39];
-        const double term4 = sum[12] + origin_row[12]*at[41];
-        const double term5 = sum[6] + origin_row[11]*at[35];
-        const double term6 = sum[5] + origin_row[10]*at[34];
-        const double term7 = sum[4] + origin_row[10]*at[33];
+        const double term2 = sum[7] + origin_row[11]*at[39];
+        const double term3 = sum[10] + origin_row[14]*at[42];
+        const double term4 = sum[12] + origin_row[12]*at[44];
+        const double term5 = sum[6] + origin_row[11]*at[38];
+        const double term6 = sum[5] + origin_row[10]*at[37];
+        const double term7 = sum[4] + origin_row[10]*at[36];
         const double term8 = sum[9] + origin_row[13]*at[3];
-        const double term9 = sum[3] + origin_row[9]*at[32];
-        const double term10 = sum[13] + origin_row[13]*at[42];
-        const double term11 = sum[2] + origin_row[9]*at[31];
+        const double term9 = sum[3] + origin_row[9]*at[35];
+        const double term10 = sum[13] + origin_row[13]*at[45];
+        const double term11 = sum[2] + origin_row[9]*at[34];
         const double term12 = sum[1] + origin_row[8]*at[1];
         const double term13 = sum[0] + origin_row[8]*at[0];
         found[0] = term11 + term3 - term13;
@@ -506,20 +495,20 @@ void peaucellier_series(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RE
         at[12] = found[12];
         at[13] = found[13];
         at[14] = found[14];
-        double *const after = at;
-        after[15] = after[8];
-        after[16] = after[8];
-        after[17] = after[9];
-        after[18] = after[9];
-        after[19] = after[10];
-        after[20] = after[10];
-        after[21] = after[11];
-        after[22] = after[11];
-        after[23] = after[12];
-        after[27] = after[12];
-        after[24] = after[13];
-        after[28] = after[13];
-        after[25] = after[14];
-        after[26] = after[14];
+        /* coefficients that depend on those of the solution */
+        at[16] = at[8];
+        at[17] = at[8];
+        at[18] = at[9];
+        at[19] = at[9];
+        at[20] = at[10];
+        at[21] = at[10];
+        at[22] = at[11];
+        at[23] = at[11];
+        at[24] = at[12];
+        at[28] = at[12];
+        at[25] = at[13];
+        at[29] = at[13];
+        at[26] = at[14];
+        at[27] = at[14];
     }
 }

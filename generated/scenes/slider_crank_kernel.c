@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char slider_crank_equations[65] = "fcdfa80c2ab00af950c44a8610d2c289829310cbf36f1579c6ee19578c695252";
+const char slider_crank_equations[65] = "aedfe628c290838d596f070172a03d64d064fa04a10c471308e16ee2a3587486";
 
 /* what depends on the parameters alone, once before all else: out is p + 5: 11 operations (8 mul, 1 neg, 3 call) */
 void slider_crank_setup(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)
@@ -311,33 +311,33 @@ void slider_crank_inverse(const double *SYMGEN_RESTRICT t, const double *SYMGEN_
 {
     (void)t;
     (void)p;
-    const double dv_fall_a1_y = 0.3048*work[0];
-    const double ac_link1_y = dv_fall_a1_y - 0.1524*work[0];
+    const double dv_a1_y = 0.3048*work[0];
+    const double ac_link1_y = dv_a1_y - 0.1524*work[0];
     const double fc_link1_y = 10.764336111980091*ac_link1_y;
     const double n_link1_z = 0.08724303351793877*work[0] - 0.1524*fc_link1_y;
     const double cos_eta2 = cos(q[3]);
-    const double dw_fall_theta2_sum_z = work[0] + work[2];
+    const double dw_theta2_sum_z = work[0] + work[2];
     const double sin_eta2 = sin(q[3]);
     const double w_theta2_sum_z = u[0] + u[2];
-    const double dw_fall_eta2_sum_x = -u[3]*w_theta2_sum_z;
-    const double dw_fall_eta2_z = cos_eta2*dw_fall_theta2_sum_z + sin_eta2*dw_fall_eta2_sum_x;
+    const double dw_eta2_sum_x = -u[3]*w_theta2_sum_z;
+    const double dw_eta2_z = cos_eta2*dw_theta2_sum_z + sin_eta2*dw_eta2_sum_x;
     const double hc_link2_y = 2.6825049185602943*u[3];
     const double w_eta2_x = -sin_eta2*w_theta2_sum_z;
     const double cos_theta2 = cos(q[2]);
     const double sin_theta2 = sin(q[2]);
     const double v_a1_y = 0.3048*u[0];
-    const double dv_fall_theta2_sum_x = u[2]*v_a1_y;
-    const double dv_fall_theta2_y = cos_theta2*dv_fall_a1_y - sin_theta2*dv_fall_theta2_sum_x;
-    const double dv_fall_a2_y = dv_fall_theta2_y + 1.27*dw_fall_eta2_z;
+    const double dv_theta2_sum_x = u[2]*v_a1_y;
+    const double dv_theta2_y = cos_theta2*dv_a1_y - sin_theta2*dv_theta2_sum_x;
+    const double dv_a2_y = dv_theta2_y + 1.27*dw_eta2_z;
     const double v_theta2_x = sin_theta2*v_a1_y;
     const double v_eta2_x = cos_eta2*v_theta2_x - sin_eta2*u[1];
     const double w_eta2_z = cos_eta2*w_theta2_sum_z;
     const double v_eta2_z = cos_eta2*u[1] + sin_eta2*v_theta2_x;
     const double v_a2_z = v_eta2_z - 1.27*u[3];
     const double vc_link2_z = v_a2_z + 0.635*u[3];
-    const double ac_link2_y = dv_fall_a2_y + v_eta2_x*w_eta2_z - 0.635*dw_fall_eta2_z - vc_link2_z*w_eta2_x;
+    const double ac_link2_y = dv_a2_y + v_eta2_x*w_eta2_z - 0.635*dw_eta2_z - vc_link2_z*w_eta2_x;
     const double fc_link2_y = 19.933955762926097*ac_link2_y;
-    const double n_link2_z = 2.6825049185602943*dw_fall_eta2_z + hc_link2_y*w_eta2_x - 0.635*fc_link2_y;
+    const double n_link2_z = 2.6825049185602943*dw_eta2_z + hc_link2_y*w_eta2_x - 0.635*fc_link2_y;
     const double cos_theta3 = cos(q[4]);
     const double sin_alpha3 = sin(q[6]);
     const double fc_link3_z = -3.426394602648451*work[7];
@@ -356,21 +356,21 @@ void slider_crank_inverse(const double *SYMGEN_RESTRICT t, const double *SYMGEN_
     out[2] = n_own_eta2_z;
     const double n_own_net1_z = n_link1_z + n_own_eta2_z;
     const double f_own_theta3_x = cos_theta3*f_own_eta3_x - sin_theta3*f_own_alpha3_y;
-    const double dv_fall_theta2_x = cos_theta2*dv_fall_theta2_sum_x + sin_theta2*dv_fall_a1_y;
-    const double dv_fall_eta2_sum_x = dv_fall_theta2_x - u[3]*u[1];
-    const double dv_fall_eta2_sum_z = work[1] + u[3]*v_theta2_x;
-    const double dv_fall_eta2_x = cos_eta2*dv_fall_eta2_sum_x - sin_eta2*dv_fall_eta2_sum_z;
+    const double dv_theta2_x = cos_theta2*dv_theta2_sum_x + sin_theta2*dv_a1_y;
+    const double dv_eta2_sum_x = dv_theta2_x - u[3]*u[1];
+    const double dv_eta2_sum_z = work[1] + u[3]*v_theta2_x;
+    const double dv_eta2_x = cos_eta2*dv_eta2_sum_x - sin_eta2*dv_eta2_sum_z;
     const double v_theta2_y = cos_theta2*v_a1_y;
     const double v_a2_y = v_theta2_y + 1.27*w_eta2_z;
     const double vc_link2_y = v_a2_y - 0.635*w_eta2_z;
-    const double ac_link2_x = dv_fall_eta2_x + u[3]*vc_link2_z - vc_link2_y*w_eta2_z;
+    const double ac_link2_x = dv_eta2_x + u[3]*vc_link2_z - vc_link2_y*w_eta2_z;
     const double fc_link2_x = 19.933955762926097*ac_link2_x;
     const double f_own_net2_x = f_own_theta3_x + fc_link2_x;
     const double cos_eta3 = cos(q[5]);
     const double f_own_eta3_z = cos_eta3*f_own_alpha3_z;
-    const double dv_fall_eta2_z = cos_eta2*dv_fall_eta2_sum_z + sin_eta2*dv_fall_eta2_sum_x;
-    const double dv_fall_a2_z = dv_fall_eta2_z - 1.27*work[3];
-    const double ac_link2_z = dv_fall_a2_z + 0.635*work[3] + vc_link2_y*w_eta2_x - u[3]*v_eta2_x;
+    const double dv_eta2_z = cos_eta2*dv_eta2_sum_z + sin_eta2*dv_eta2_sum_x;
+    const double dv_a2_z = dv_eta2_z - 1.27*work[3];
+    const double ac_link2_z = dv_a2_z + 0.635*work[3] + vc_link2_y*w_eta2_x - u[3]*v_eta2_x;
     const double fc_link2_z = 19.933955762926097*ac_link2_z;
     const double f_own_net2_z = f_own_eta3_z + fc_link2_z;
     const double f_own_eta2_x = cos_eta2*f_own_net2_x + sin_eta2*f_own_net2_z;

@@ -229,7 +229,8 @@ def _kernel(program: Program, kernel: Kernel, target: Target, rolls: bool) -> Ke
 
 def _series(program: Program, kernels: tuple[KernelView, ...], target: Target) -> SeriesView:
     solve = next((k for k in kernels if k.name == "solve"), None)
-    sides, name = program.series[0], "series"
+    orders = {k.name: order_view(k, _type(target), printer(target)) for k in program.series}
+    sides, name = next(k for k in program.series if k.name == "sides"), "series"
     return SeriesView(
         name,
         _prototype(program.name, name, _type(target)),
@@ -237,9 +238,13 @@ def _series(program: Program, kernels: tuple[KernelView, ...], target: Target) -
         sides.coordinates,
         sides.out_size - sides.coordinates,
         sides.products,
-        sum(k.out_size for k in program.series[1:]) - sides.watched,
+        sides.ahead,
+        sum(k.out_size for k in program.series if k is not sides) - sides.watched,
         sides.watched,
-        tuple(order_view(k, _type(target), printer(target)) for k in program.series),
+        orders.get("ahead"),
+        orders["sides"],
+        orders.get("behind"),
+        orders.get("along"),
         solve is None,
         solve if solve and _is_inlined(solve) else None,
         calls_of_series(program.series, target.precision),

@@ -5,9 +5,9 @@ from __future__ import annotations
 from symgen.codegen.calls import calls
 from symgen.codegen.printers import Printer
 from symgen.codegen.views import LoopOverOrders, OrderView, SeriesStatement
+from symgen.lowering.coefficients import LOOPS
 from symgen.lowering.expressions import Call, Node
 from symgen.lowering.kernel import Assignment, SeriesKernel
-from symgen.lowering.recurrences import AFTER, LOOPS, ROW
 
 
 def order_view(kernel: SeriesKernel, c_type: str, prints: Printer) -> OrderView:
@@ -20,20 +20,11 @@ def order_view(kernel: SeriesKernel, c_type: str, prints: Printer) -> OrderView:
         declared = "" if "[" in a.target else f"const {c_type} "
         return SeriesStatement(a.target, prints(a.value), declared)
 
-    def of(array: str) -> tuple[SeriesStatement, ...]:
-        return tuple(
-            SeriesStatement(a.target, prints(a.value))
-            for a in kernel.assignments
-            if a.target.startswith(f"{array}[")
-        )
-
     values: list[Node] = [*(a.value for a in kernel.assignments), *(s.value for s in kernel.stores)]
     return OrderView(
         kernel.name,
         kernel.description,
         list(calls(values)),
-        of(ROW),
-        of(AFTER),
-        tuple(statement(a) for a in kernel.assignments if not a.target.startswith((f"{ROW}[", f"{AFTER}["))),
+        tuple(map(statement, kernel.assignments)),
         tuple(SeriesStatement(f"out[{s.index}]", prints(s.value)) for s in kernel.stores),
     )

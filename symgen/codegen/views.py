@@ -121,8 +121,6 @@ class OrderView:
     name: str
     description: str
     functions: list[str]
-    early: tuple[SeriesStatement, ...]
-    after: tuple[SeriesStatement, ...]
     statements: tuple[SeriesStatement | LoopOverOrders, ...]
     out: tuple[SeriesStatement, ...]
 
@@ -131,10 +129,10 @@ class OrderView:
 class SeriesView:
     """The function of all orders as used by the template.
 
-    ``power`` is 1 if the power of loads is integrated, else 0; ``watched`` counts other quantities. ``solve``
-    is the view of the kernel of the solution if it is repeated in the loop over the orders, else None;
-    without this kernel (``inverse``) the solution is a product with the inverse matrix. ``calls`` are
-    functions of the C library.
+    ``products`` counts those of the present order, ``products_ahead`` those one order ahead; ``power`` is 1
+    if the power of loads is integrated, else 0; ``watched`` counts other quantities. ``solve`` is the view of
+    the kernel of the solution if it is repeated in the loop over the orders, else None; without this kernel
+    (``inverse``) the solution is a product with the inverse matrix. ``calls`` are functions of the C library.
     """
 
     name: str
@@ -143,9 +141,13 @@ class SeriesView:
     coordinates: int
     multipliers: int
     products: int
+    products_ahead: int
     power: int
     watched: int
-    orders: tuple[OrderView, ...]
+    ahead: OrderView | None
+    sides: OrderView
+    behind: OrderView | None
+    along: OrderView | None
     inverse: bool
     solve: KernelView | None
     calls: tuple[CallView, ...]
@@ -153,7 +155,8 @@ class SeriesView:
     @property
     def functions(self) -> list[str]:
         """Return the names of the recurrences that it calls."""
-        return [name for order in self.orders for name in order.functions]
+        orders = (self.ahead, self.sides, self.behind, self.along)
+        return [name for order in orders if order for name in order.functions]
 
 
 @dataclass(frozen=True, slots=True)

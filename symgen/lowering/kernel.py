@@ -119,14 +119,16 @@ class SeriesKernel(Kernel):
     """A kernel of power series in time for one order.
 
     There are ``rows`` coefficients of each order: those of the ``coordinates``, of the multipliers, of the
-    first and then of the second factors of ``products``, of other operands, some that are not used, of the
-    work of loads without potential, and last of the ``watched`` quantities. Those of the numbers ``lacking``
-    have functions without a recurrence; their coefficients are zero.
+    first and then of the second factors of ``products``, the same of products one order ``ahead``, of other
+    operands, some that are not used, of the work of loads without potential, and last of the ``watched``
+    quantities. Those of the numbers ``lacking`` have functions without a recurrence; their coefficients are
+    zero.
     """
 
     rows: int = 0
     coordinates: int = 0
     products: int = 0
+    ahead: int = 0
     watched: int = 0
     lacking: tuple[int, ...] = ()
 

@@ -87,7 +87,10 @@ def _held(system: System) -> System:
     return replace(
         system,
         matrices=tuple(replace(m, matrix=m.matrix.xreplace(held)) for m in system.matrices),
-        definitions=tuple(replace(d, expression=d.expression.xreplace(held)) for d in system.definitions),
+        definitions=tuple(
+            replace(d, expression=d.expression.xreplace(held), rate_of=d.rate_of and d.rate_of.xreplace(held))
+            for d in system.definitions
+        ),
     )
 
 
@@ -198,6 +201,7 @@ class _Lowering:
         watched = [system[name] for names in of_runs for name in names if name != RATES]
         equations = EquationsOfMotion(
             self.shared.values,
+            self.shared.rates,
             n,
             m,
             mass,

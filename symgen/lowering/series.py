@@ -118,7 +118,14 @@ class Rate:
     of: Atom
 
 
-Atom = Argument | Value | Times | Function | Rate
+@dataclass(frozen=True, slots=True)
+class Derivative:
+    """The rate of an atom: its coefficient of the next order, times this order."""
+
+    of: Atom
+
+
+Atom = Argument | Value | Times | Function | Rate | Derivative
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,19 +178,20 @@ class Terms:
 
     Parameters
     ----------
-    values
-        Named terms of the nodes.
+    values, rates
+        Named terms of the nodes, and what those are rates of that the derivation states as such.
     n
         Number of coordinates: ``work`` has their accelerations, then the multipliers.
     """
 
-    def __init__(self, values: Mapping[str, Node], n: int) -> None:
-        self.values, self.n = values, n
+    def __init__(self, values: Mapping[str, Node], rates: Mapping[str, Node], n: int) -> None:
+        self.values, self.rates, self.n = values, rates, n
         self.named: dict[Atom, Linear] = {}
         self._names: dict[Linear, Atom] = {}
         self._known: dict[str, Linear] = {}
         self._early: dict[Atom, bool] = {}
         self._of_late: dict[Atom, bool] = {}
+        self._of_rates: dict[Atom, bool] = {}
         self._levels: dict[Atom, int] = {}
         self._numbers: dict[Atom, int] = {}
 
@@ -232,6 +240,8 @@ class Terms:
     def _of_name(self, name: str) -> Linear:
         array, bracket, place = name.partition("[")
         if not bracket:
+            if name in self.rates and (rate := self._rate(self.of(self.rates[name]))):
+                return rate
             found = self.of(self.values[name])
             if len(found.terms) < 2:
                 return found
@@ -242,6 +252,17 @@ class Terms:
         if array == "work":
             array, i = (ACCELERATION, i) if i < self.n else (MULTIPLIER, i - self.n)
         return unit(Argument(array, i))
+
+    def _rate(self, x: Linear) -> Linear | None:
+        """Return the rate of a sum of velocities; None for one with accelerations or the time."""
+        if any(self.is_of_late(a) or a == Argument(TIME, 0) for a, _ in x.terms):
+            return None
+        rates = {Q: U, U: ACCELERATION}
+        new = (
+            Argument(rates[a.array], a.index) if isinstance(a, Argument) else Derivative(a)
+            for a, _ in x.terms
+        )
+        return Linear(ZERO, tuple(zip(new, (c for _, c in x.terms), strict=True)))
 
     def _name(self, x: Linear, name: str) -> Atom:
         atom = Value(name)
@@ -279,8 +300,7 @@ class Terms:
         return unit(Function("quotient", (x,), (self.atom(y),)))
 
     def _call(self, name: str, parts: list[Linear]) -> Linear:
-        x = parts[0]
-        of_it = self.atom(x)
+        x, of_it = parts[0], self.atom(parts[0])
         match name:
             case "sqrt":
                 return unit(Function(name, (x,)))
@@ -320,6 +340,8 @@ class Terms:
                 return [first, second]
             case Function(of=of, read=read):
                 return [*read, *(a for x in of for a, _ in x.terms)]
+            case Derivative(of):
+                return [of]
         return []
 
     def pairs(self, atom: Times | Function) -> list[tuple[Atom, Atom]]:
@@ -337,8 +359,16 @@ class Terms:
     def is_of_late(self, atom: Atom) -> bool:
         """Return whether a coefficient depends on those of accelerations or multipliers of its order."""
         if atom not in self._of_late:
-            self._of_late[atom] = is_late(atom) or any(map(self.is_of_late, self.operands(atom)))
+            of_it = self.is_of_rates if isinstance(atom, Derivative) else self.is_of_late
+            self._of_late[atom] = is_late(atom) or any(map(of_it, self.operands(atom)))
         return self._of_late[atom]
+
+    def is_of_rates(self, atom: Atom) -> bool:
+        """Return whether a coefficient depends on those of velocities of its order."""
+        if atom not in self._of_rates:
+            is_rate = isinstance(atom, Argument) and atom.array == U
+            self._of_rates[atom] = is_rate or any(map(self.is_of_rates, self.operands(atom)))
+        return self._of_rates[atom]
 
     def level(self, atom: Atom) -> int:
         """Return how many products and functions lead to an atom, one after the other."""

@@ -84,8 +84,8 @@ def _is_simple(expression: sp.Expr) -> bool:
 class Shared:
     """All matrices of a system over one set of named subexpressions, its constants replaced by their values.
 
-    ``values`` are the named subexpressions, ``entries[name]`` the nonzero entries of a matrix by their
-    place in row-major order.
+    ``values`` are the named subexpressions, ``rates`` what those are rates of that the derivation states as
+    such, ``entries[name]`` the nonzero entries of a matrix by their place in row-major order.
     """
 
     def __init__(self, system: System, names: Sequence[str]) -> None:
@@ -136,6 +136,8 @@ class Shared:
             value = next(nodes)
             if value != Reference(symbol.name):
                 self.values[symbol.name] = value
+        of = ((d.quantity.name, fold(in_numbers(d.rate_of), known)) for d in system.definitions if d.rate_of)
+        self.rates = {name: rename(lower(e), titles) for name, e in of if name in self.values}
         self.entries = {name: {place: next(nodes) for place in e} for name, e in expressions.items()}
 
 

@@ -79,6 +79,13 @@ class Names:
         )
         return DualVector(real, dual)
 
+    def relate(self, rate: DualVector, of: DualVector) -> None:
+        """State that a dual vector is the rate of another along every motion; only names are marked."""
+        for x, value in zip((*rate.real, *rate.dual), (*of.real, *of.dual), strict=True):
+            sign, symbol = sp.sympify(x).as_coeff_Mul()
+            if abs(sign) == 1 and (known := self._definitions.get(str(symbol))):
+                self._definitions[known.quantity.name] = replace(known, rate_of=sign * value)
+
 
 class Letter(NamedTuple):
     """The letter of a field, with unit and meaning: constants are called ``LETTER_OWNER``.

@@ -124,10 +124,11 @@ class NamedMatrix:
 
 @dataclass(frozen=True, slots=True)
 class Definition:
-    """A shared subexpression that the derivation names, such as the vector along a rod."""
+    """A shared subexpression that the derivation names; ``rate_of``: that whose rate it is in all motions."""
 
     quantity: Quantity
     expression: sp.Expr
+    rate_of: sp.Expr | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -326,15 +327,14 @@ class System:
             return self
         put = substitution = Substitution(values)
         known, definitions = substitution.values, []
-        for definition in self.definitions:
-            if definition.quantity.symbol in known:
+        for d in self.definitions:
+            if d.quantity.symbol in known:
                 continue
-            expression = substitution(definition.expression)
-            simple = expression.is_number or expression.is_Atom or (-expression).is_Atom
-            if simple and expression != definition.expression:
-                known[definition.quantity.symbol] = expression
+            e = substitution(d.expression)
+            if e != d.expression and (e.is_number or e.is_Atom or (-e).is_Atom):
+                known[d.quantity.symbol] = e
             else:
-                definitions.append(replace(definition, expression=expression))
+                definitions.append(replace(d, expression=e, rate_of=d.rate_of and put(d.rate_of)))
         return replace(
             self,
             groups=tuple(

@@ -211,14 +211,23 @@ class Paths:
             back.append(self._named(seen - of_joint, ACCELERATION, f"{label}{m.name}", m))
         return [*outward, *reversed(back)]
 
-    def parting(self, second: Sequence[sp.Expr], accelerations: Sequence[DualVector]) -> DualVector:
-        """Return the second rate of closure: accelerations of the outward path less those of the other.
+    @property
+    def parting(self) -> DualVector:
+        """Return the rate of closure: the velocity by the outward path less that by the other.
 
-        It is the sum of $ q'' + [V, $] q' in the frame where both paths meet, zero along a motion.
+        It is that of the frame where both meet, and zero along a motion.
         """
-        m, before = self.motions[self.meet], self.velocities[self.meet]
-        of_joint = m.screw * m.rate(second) + before.cross(m.screw * m.rate(self.rates))
-        return accelerations[self.meet] + of_joint - m.matrix.times(accelerations[self.meet + 1])
+        m = self.motions[self.meet]
+        of_joint = m.screw * m.rate(self.rates)
+        parting = self.velocities[self.meet] + of_joint - m.matrix.times(self.velocities[self.meet + 1])
+        return self._named(parting, VELOCITY, "parting", m)
+
+    def parting_rate(self, second: Sequence[sp.Expr], accelerations: Sequence[DualVector]) -> DualVector:
+        """Return the rate of ``parting``, by accelerations of all frames as from ``accelerations``."""
+        m, behind = self.motions[self.meet], self.meet + 1
+        turned = m.matrix.times(self.velocities[behind]).cross(m.screw * m.rate(self.rates))
+        rate = accelerations[self.meet] + m.screw * m.rate(second) + turned
+        return self._named(rate - m.matrix.times(accelerations[behind]), ACCELERATION, "parting", m)
 
     def screw_rates(self) -> list[DualVector]:
         """Return the rate [V, $] of every motion's screw, in the first frame.

@@ -75,13 +75,20 @@ class LoopDerivation:
 
     @cached_property
     def _accelerations(self) -> list[DualVector]:
-        return self.paths.accelerations(self.second, NOTHING, "")
+        accelerations = self.paths.accelerations(self.second, NOTHING, "")
+        for acceleration, velocity in zip(accelerations, self.paths.velocities, strict=True):
+            self.names.relate(acceleration, velocity)
+        return accelerations
 
     @cached_property
     def _from_free_fall(self) -> list[DualVector]:
-        """Accelerations less that of free fall: the ground carries gravity along the loop."""
+        """Accelerations less that of free fall: the ground at rest carries gravity along the loop."""
         x, y, z = (-g for g in self.loop.gravity)
-        return self.paths.accelerations(self.second, DualVector(NOTHING.real, (x, y, z)), "fall_")
+        still = [_ZERO] * len(self.variables)
+        at_rest = Paths(self.rows, still, self.names).accelerations(
+            still, DualVector(NOTHING.real, (x, y, z)), "fall_"
+        )
+        return [a + b for a, b in zip(self._accelerations, at_rest, strict=True)]
 
     def inertia(self, link: int) -> Inertia:
         """Return the inertia of a moving link; without mass where the scene gives none."""
@@ -169,7 +176,10 @@ class LoopDerivation:
             given - effort if v.role != "input" else jet(v.motion)[2] - v.acceleration.symbol
             for v, given, effort in zip(self.variables, self.given_efforts, self.joints[1], strict=True)
         ]
-        return [*rows, *-self.paths.parting(self.second, self._from_free_fall).column]
+        parting = self.paths.parting
+        rate = self.paths.parting_rate(self.second, self._accelerations)
+        self.names.relate(rate, parting)
+        return [*rows, *-rate.column]
 
     @cached_property
     def mass_matrix(self) -> list[list[sp.Expr]]:

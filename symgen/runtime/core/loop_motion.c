@@ -166,19 +166,17 @@ static void closing_changes(struct loop *l, real *changes) {
 /* As loop_answer, with these changes. */
 static void answer_with(const struct loop *l, const real *changes, real *answer) {
     const long n = l->sizes.n, d = l->free, row = ROWS + n;
-    real push[MOST * (ROWS + MOST)], found[MOST * (ROWS + MOST)];
+    real push[MOST * ROWS], pushed[MOST * ROWS], found[MOST * (ROWS + MOST)];
     memset(answer, 0, (size_t)(n * row) * sizeof(real));
     for (long j = 0; j < n; j++)
         for (int c = 0; c < ROWS; c++)
             answer[row * j + c] = -changes[ROWS * j + c];
-    multiply_dense(n, n, row, inertia_of(l), n, answer, push);
-    for (long j = 0; j < n; j++)
-        push[row * j + ROWS + j] = 1;
-    multiply_dense(d, n, row, l->basis, n + 1, push, found);
+    multiply_dense(n, n, ROWS, inertia_of(l), n, changes, push);
+    multiply_dense(d, n, ROWS, l->basis, n + 1, push, pushed);
     for (long c = 0; c < row; c++) {
         real x[MOST];
         for (long i = 0; i < d; i++)
-            x[i] = found[row * i + c];
+            x[i] = c < ROWS ? -pushed[ROWS * i + c] : l->basis[(n + 1) * i + c - ROWS];
         solve_positive(d, l->reduced, x);
         for (long i = 0; i < d; i++)
             found[row * i + c] = x[i];
@@ -212,7 +210,7 @@ static int invert_loop(struct equations *e, real t, const real *y) {
     struct loop *l = of(e);
     const long n = l->sizes.n, row = ROWS + n;
     real changes[MOST * ROWS], turned[ROWS * MOST], units[ROWS * ROWS], wrenches[ROWS * (ROWS + MOST)];
-    real answer[MOST * (ROWS + MOST)], a[MOST * (ROWS + MOST)], left[MOST * (ROWS + MOST)];
+    real answer[MOST * (ROWS + MOST)], a[MOST * (ROWS + MOST)], left[MOST * ROWS], inertia[ROWS * MOST];
     const int status = factorise_loop(e, t, y);
     if (status != DONE)
         return status;
@@ -235,12 +233,11 @@ static int invert_loop(struct equations *e, real t, const real *y) {
     }
     for (long k = 0; k < l->sizes.inputs; k++)
         of_input(l, answer, l->driven[k], row, a + l->driven[k]);
-    multiply_dense(n, n, row, inertia_of(l), n, a, left);
-    for (long i = 0; i < n * row; i++)
-        left[i] = -left[i];
-    for (long j = 0; j < n; j++)
-        left[row * j + j] += 1;
-    multiply_dense(ROWS, n, row, turned, n, left, wrenches);
+    multiply_dense(ROWS, n, n, turned, n, inertia_of(l), inertia);
+    multiply_dense(ROWS, n, row, inertia, n, a, wrenches);
+    for (int i = 0; i < ROWS; i++)
+        for (long c = 0; c < row; c++)
+            wrenches[row * i + c] = (c < n ? turned[n * i + c] : 0) - wrenches[row * i + c];
     for (long c = 0; c < row; c++) {
         real *column = e->factors + row * c;
         for (long j = 0; j < n; j++)

@@ -14,6 +14,9 @@ enum { ORDER };
 enum { LOWEST = 3, HIGHEST = MOST_COEFFICIENTS };
 /* Rows of coefficients: the kernel writes one more than the order, and there is one of order 0. */
 enum { SERIES_ROWS = HIGHEST + 3 };
+/* Coordinates that are evaluated side by side, since each operation waits for the one before; behind the last of a row are
+   other numbers. */
+enum { BESIDE = 4 };
 /* Series at y and at y_new. */
 enum { BOTH = 2 };
 
@@ -50,28 +53,39 @@ static inline void rates_of_series(const struct series *s, const wide *y, wide *
 
 /* Write the coordinates a time h after y. */
 static inline void places_of_series(const struct series *s, wide h, wide *q) {
-    for (ptrdiff_t i = 0; i < s->n; i++) {
-        const wide *c = s->rows + s->order * s->row + i;
-        wide place = *c;
-        for (long k = s->order; k > 0; k--)
-            c -= s->row, place = place * h + *c;
-        q[i] = place;
+    for (ptrdiff_t first = 0; first < s->n; first += BESIDE) {
+        const wide *c = s->rows + s->order * s->row + first;
+        wide place[BESIDE];
+        for (int i = 0; i < BESIDE; i++)
+            place[i] = c[i];
+        for (long k = s->order; k > 0; k--) {
+            c -= s->row;
+            for (int i = 0; i < BESIDE; i++)
+                place[i] = place[i] * h + c[i];
+        }
+        for (int i = 0; i < BESIDE && first + i < s->n; i++)
+            q[first + i] = place[i];
     }
 }
 
 /* Write the state a time h after y; its accelerations and the power behind them to `changes`. */
 static inline void state_of_series(const struct series *s, wide h, wide *y, wide *changes) {
     const ptrdiff_t n = s->n;
-    for (ptrdiff_t i = 0; i < n; i++) {
-        const wide *c = s->rows + s->order * s->row + i;
-        wide place = *c, rate = all(0), change = all(0);
+    for (ptrdiff_t first = 0; first < n; first += BESIDE) {
+        const wide *c = s->rows + s->order * s->row + first;
+        wide place[BESIDE], rate[BESIDE], change[BESIDE];
+        for (int i = 0; i < BESIDE; i++)
+            place[i] = c[i], rate[i] = change[i] = all(0);
         for (long k = s->order; k > 0; k--) {
             c -= s->row;
-            change = change * h + rate;
-            rate = rate * h + place;
-            place = place * h + *c;
+            for (int i = 0; i < BESIDE; i++) {
+                change[i] = change[i] * h + rate[i];
+                rate[i] = rate[i] * h + place[i];
+                place[i] = place[i] * h + c[i];
+            }
         }
-        y[i] = place, y[n + i] = rate, changes[i] = R(2) * change;
+        for (int i = 0; i < BESIDE && first + i < n; i++)
+            y[first + i] = place[i], y[n + first + i] = rate[i], changes[first + i] = R(2) * change[i];
     }
     if (s->work >= 0) {
         const wide *work = s->rows + s->work;

@@ -31,7 +31,8 @@ int project_new_state(struct run *run, real t_new) {
     s->settled = 1, s->correction = 0;
     if (e->m == 0)
         return DONE;
-    if (run->branch_bytes)
+    /* Before the end is evaluated, so that this is the last pose of the step; a polynomial is near enough to it. */
+    if (run->branch_bytes || run->scheme.kind->places)
         look_inside(run, t_new);
     if (run->scheme.kind->keeps_constraints) {
         const int status = e->of->factorise(e, t_new, run->y_new);

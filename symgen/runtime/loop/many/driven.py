@@ -76,7 +76,7 @@ class DrivenLoops:
             WEAK,
         )
         is_done &= np.any(parameter_rows != defaults, axis=1)  # the start of the scene's own is stored
-        is_done &= ~np.any(hold[:, 1:] * hold[:, :-1] < 0.0, axis=1)  # a dead centre between samples
+        is_done &= ~np.any(np.diff(np.sign(hold), axis=1), axis=1)  # a dead centre between samples
         block_variables = [v for v in variables(d, np.moveaxis(out, 1, 2)) if v.name in self.names]
         runs = np.flatnonzero(is_done)
         if not len(runs):
