@@ -255,7 +255,7 @@ def _of_passing(at: Tangents, gaps: Sequence[str], by: Sequence[str]) -> tuple[A
     values = np.array([at.slopes.values[gap] for gap in gaps])
     with np.errstate(divide="ignore", invalid="ignore"):
         away = np.where(rates != 0.0, np.abs(values / rates), np.inf)
-    there = [passing(at, gaps[k], by) for k in np.flatnonzero(away <= np.min(away) + _AT_ONCE)]
+    there = [passing(at, gaps[k], by) for k in np.flatnonzero(away <= np.min(away) + _AT_ONCE).tolist()]
     first = np.concatenate(there[0])
     for other in there[1:]:
         if not np.allclose(np.concatenate(other), first, rtol=_SAME, atol=_SAME * np.max(np.abs(first))):
