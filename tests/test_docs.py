@@ -92,10 +92,13 @@ def test_the_commands_of_a_page_run(page, tmp_path, monkeypatch):
         assert done.exit_code == 0, (line, done.output)
 
 
-def test_the_scenes_of_the_page_on_scenes_are_built(tmp_path):
-    """Its blocks that are no whole scene show a table each."""
+def test_the_scenes_of_the_pages_on_scenes_are_built(tmp_path):
+    """Their blocks that are no whole scene show a table each."""
     whole = [
-        text for language, text, _ in blocks(DOCS / "scene.md") if language == "toml" and "symgen = 1" in text
+        text
+        for page in sorted(DOCS.glob("scene*.md"))
+        for language, text, _ in blocks(page)
+        if language == "toml" and "symgen = 1" in text
     ]
     assert len(whole) >= 3
     for i, text in enumerate(whole):

@@ -316,14 +316,30 @@ def explain(scene: o.Scene, set_: o.Set = None) -> None:
             console().print(part)
 
 
-@command("symgen schema > scene.schema.json")
-def schema() -> None:
-    """Print the JSON Schema of scene files, for use in editors."""
+@command("symgen schema --explain links.NAME.mass")
+def schema(
+    explain: Annotated[
+        str | None,
+        o.option(
+            "--explain", metavar="KEY", help="Explain a key or a table of scene files, such as drivers."
+        ),
+    ] = None,
+) -> None:
+    """Print the JSON Schema of scene files, for use in editors, or explain a key."""
     import json
 
+    from symgen.report.keys import explained, keys_of
+    from symgen.report.tables import table
     from symgen.scene.schema import Scene
 
-    print(json.dumps(Scene.model_json_schema(), indent=2))
+    schema = Scene.model_json_schema()
+    if explain is None:
+        print(json.dumps(schema, indent=2))
+        return
+    rows = explained(keys_of(schema), explain)
+    console().print(
+        table(f"Keys of scene files: {explain}", ("key", "values", "if absent", "meaning"), rows, range(4))
+    )
 
 
 _SOURCE = "A scene, a Python file with a function system(), or a building block: see symgen show."

@@ -45,6 +45,6 @@ def test_a_table_and_its_terms_of_max_have_the_counts_of_the_documentation():
         counts.append((points, run.statistics["steps"]))
     table, terms = (run["crank.torque"].values for run in runs)
     assert terms == pytest.approx(table, abs=1e-12 * np.max(np.abs(table)))
-    text = (ROOT / "docs" / "scene.md").read_text().replace("\n", " ")
+    text = (ROOT / "docs" / "scene_jumps.md").read_text().replace("\n", " ")
     stated = re.search(r"(\d+) switching points in (\d+) steps.*?, (\d+) in (\d+) with", text)
     assert [int(n) for n in stated.groups()] == [*counts[0], *counts[1]]
