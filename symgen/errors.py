@@ -277,6 +277,14 @@ class SimulationError(SymgenError):
         super().__init__(problem)
 
 
+class Interrupted(KeyboardInterrupt):
+    """A run was interrupted, as by Ctrl-C. ``partial`` is the result up to then, None without a sample."""
+
+    def __init__(self, remedy: str, partial: Any) -> None:
+        self.partial = partial
+        super().__init__(*filter(None, [remedy]))
+
+
 #: Maximum number of known words listed in a message, and of the nearest of more words.
 _LISTED, _NEAREST = 30, 5
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import typer
 
 from symgen.cli.streams import discard
-from symgen.errors import ModelError, SimulationError
+from symgen.errors import Interrupted, ModelError, SimulationError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -99,11 +99,11 @@ def _is_whole(text: str) -> bool:
 
 @contextmanager
 def saved_on_failure(out: Path | None) -> Iterator[None]:
-    """Save the samples recorded before a run ended to the output file, if one is given."""
+    """Save the samples recorded before a run ended, as by Ctrl-C, to the output file, if one is given."""
     try:
         with told_on_interrupt():
             yield
-    except SimulationError as error:
+    except (SimulationError, Interrupted) as error:
         if out and error.partial is not None:
             error.partial.save(out)
             tell(f"the samples that are kept are in {out}")

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache, partial
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from symgen.errors import ModelError, ResultError, SimulationError
+from symgen.errors import Interrupted, ModelError, ResultError, SimulationError
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.checkpoint import CheckpointOptions, Checkpoints, RunCheckpoints, mark_of
@@ -94,14 +96,20 @@ def run(
     library = library_of_runs(evaluator.library, typed)
     more = (*events, np.asarray(t_eval).tolist()) if t_eval is not None else events
     mark = mark_of(evaluator, library, equations, chosen, t0, y0, *more) if keeping else ""
-    ended = driven(stepper, t0, chosen, progress, keeping, mark, repeated)
+
+    def recorded(wall: float) -> Result:
+        if evaluator.description.switches or evaluator.description.windings:
+            # Samples are evaluated with the loads' own branches.
+            equations.set_parameters(evaluator.parameter_values)
+        of = Recording(evaluator, equations, stepper, chosen, wall, library, redundant, given)
+        return Result._later(of)
+
+    with kept_on_interrupt(stepper, recorded):
+        ended = driven(stepper, t0, chosen, progress, keeping, mark, repeated)
     if isinstance(ended, Result):
         return ended
     status, wall = ended
-    if evaluator.description.switches or evaluator.description.windings:
-        # Samples are evaluated with the loads' own branches.
-        equations.set_parameters(evaluator.parameter_values)
-    result = Result._later(Recording(evaluator, equations, stepper, chosen, wall, library, redundant, given))
+    result = recorded(wall)
     if status in (_core.DONE, _core.ENDED):
         return result
     raise SimulationError(
@@ -109,6 +117,19 @@ def run(
         time=stepper.t,
         partial=result if stepper.recorded else None,
     )
+
+
+@contextmanager
+def kept_on_interrupt(stepper: _core.Run, recorded: Callable[[float], Result]) -> Iterator[None]:
+    """Raise Interrupted for Ctrl-C, with the samples of a run as ``recorded`` after a wall time [s]."""
+    begun = perf_counter()
+    try:
+        yield
+    except Interrupted:  # of the run that replaces this one
+        raise
+    except KeyboardInterrupt as stop:
+        partial = recorded(perf_counter() - begun) if stepper.recorded else None
+        raise Interrupted(str(stop), partial) from None
 
 
 def driven(
