@@ -40,7 +40,7 @@ def optimise(
     from symgen.atomic import writable, write_text
     from symgen.report.sweeps import optimum_study
     from symgen.scene.loading import check_scene, override, read_scene
-    from symgen.study.optima import bounds_of, check_units, with_values, written
+    from symgen.study.optima import bounds_of, check_tables, check_units, with_values, written
     from symgen.study.sweeps import varied
 
     changed = override(read_scene(scene), changes(set_))
@@ -64,6 +64,7 @@ def optimise(
         raise ModelError("points are those of a Pareto front: give [optimise] two objectives")
     if write:
         writable(write, (".toml",), "scene")
+        check_tables(scene, changed, write)
     optimum = model.optimise(**arguments)
     check_units(quantities, optimum.units)
     best = with_values(changed, optimum.parameters, units, model.description)

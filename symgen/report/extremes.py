@@ -12,7 +12,7 @@ from rich.console import Console, Group
 from symgen.errors import ResultError
 from symgen.report.tables import table
 from symgen.runtime.model.averages import Average, averages
-from symgen.runtime.result.records import Variable, columns, plain
+from symgen.runtime.result.records import Variable, columns, plain, shown_in
 from symgen.runtime.result.result import Result
 
 Array = NDArray[np.float64]
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 #: Maximum number of poses of a linkage for which every value is printed; otherwise the extremes.
 FEW = 12
 #: Steps of a run that is not repeated for means.
-_LONG = 200_000
+_LONG = 4_000
 #: Values below this fraction of the largest value of their unit are round-off.
 _ROUND_OFF = 1e-12
 #: Angles are compared with one radian, even if all angles in a table are small.
@@ -134,7 +134,7 @@ def averages_of(result: Result, *, magnitudes: bool = False) -> dict[str, Averag
 def means(result: Result, of: Mapping[str, Average]) -> dict[str, tuple[float, float]]:
     """Return mean and root mean square by component, in the units of tables."""
     names = {name: v for v in result.variables for name in (v.name, *v.names)}
-    sizes = {name: result.units.get(names[name].unit, ("", 1.0))[1] for name in of}
+    sizes = {name: shown_in(names[name].name, names[name].unit, result.units)[1] for name in of}
     return {name: (x.mean / sizes[name], x.rms / sizes[name]) for name, x in of.items()}
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import tomllib
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from symgen.errors import SceneError
@@ -67,6 +69,21 @@ def with_values(
             number = values[p.name] / size
             changes[key_of(p.name, p.about)] = number if unit in ("", "1") else f"{number!r} {unit}"
     return override(text, changes)
+
+
+def check_tables(source: str | os.PathLike[str], changed: SceneText, target: Path) -> None:
+    """Refuse to write a scene whose files of points would not be found, or are others than in the source."""
+    read, path = read_scene(source), scene_path(source)
+    tables = tomllib.loads(path.read_text(encoding="utf-8-sig")).get("tables", {})
+    files = [name for name, table in tables.items() if "file" in table]
+    moved = path.absolute().parent != target.absolute().parent
+    for name in files:
+        if moved or changed.data.get("tables", {}).get(name) != read.data["tables"][name]:
+            raise SceneError(
+                f"expected --write in {path.parent}, with the file of tables.{name} as it is there",
+                where=f"tables.{name}.file",
+                hint="Write into the folder of the scene, without --set of this table.",
+            )
 
 
 def written(source: str | os.PathLike[str], changed: SceneText) -> str:

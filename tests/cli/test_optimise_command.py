@@ -114,3 +114,18 @@ def test_a_front_has_no_scene(tmp_path):
     ]
     with pytest.raises(ModelError, match="omit --write"):
         raise CliRunner().invoke(app, ["optimise", EXAMPLE, *arguments]).exception
+
+
+def test_a_scene_with_a_file_of_points_is_written_beside_it(tmp_path):
+    """In another folder it would name another file, or none."""
+    text = Path(EXAMPLE).read_text(encoding="utf-8")
+    table = '[tables.g]\nfile = "g.csv"\nx = "t [s]"\ny = "f [N]"\n\n[[forces]]\npoint = "P"\nforce = ["0 N", "-g(t)"]\n\n'
+    source, other = tmp_path / "barrier.toml", tmp_path / "other"
+    source.write_text(text.replace("[analysis]", table + "[analysis]"), encoding="utf-8")
+    (tmp_path / "g.csv").write_text("t [s],f [N]\n0,0\n3,1\n", encoding="utf-8")
+    other.mkdir()
+    arguments = ["optimise", str(source), "--set", "optimise.samples=5", "--write"]
+    with pytest.raises(SceneError, match="with the file of tables.g as it is there"):
+        raise CliRunner().invoke(app, [*arguments, str(other / "best.toml")]).exception
+    done = CliRunner().invoke(app, [*arguments, str(tmp_path / "best.toml")])
+    assert done.exit_code == 0 and 'file = "g.csv"' in (tmp_path / "best.toml").read_text(encoding="utf-8")

@@ -83,6 +83,8 @@ def test_faults_of_a_call_are_named(force, message, tmp_path):
         ("sign(t - T)*(t - T)**2/T**2", True), ("sign(t - T)*(t - T)/T", False),
         ("max(sin(t/T), 0)**2", True), ("max(sin(t/T), 0)", False), ("max(t**2/T**2 - 2, 0)**2", True),
         ("abs(mod(t, T) - T/2)*(mod(t, T) - T/2)*mod(t, T)*(T - mod(t, T))/T**4", True),
+        ("profile.poly345((t - 2*T)/T)*abs(sin(t/T))", False),
+        ("profile.poly345((t - 2*T)/T)*abs(sin(t/T))*sin(t/T)", True),
         ("max(smooth(t), 0.5)", False), ("smooth(max(t - T, 0*T))", True), ("jagged(max(t - T, 0*T))", False),
     ],
 )  # fmt: skip

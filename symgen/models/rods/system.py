@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 
+from symgen.errors import SceneError
 from symgen.mechanics.sources import linkage_sources
 from symgen.models.limits import limits_of
 from symgen.models.rods import outputs
@@ -19,6 +20,9 @@ from symgen.scene.rods.windings import turning
 from symgen.symbolic.system import Definition, Export, Group, NamedMatrix, SaddlePoint, System
 
 POINTS = Export("points", "position and velocity of all points", ("positions", "velocities"))
+
+#: Names of dimensions of results.
+_DIMENSIONS = ("time", "run", "sample", "axis")
 
 
 def linkage_system(linkage: Linkage) -> System:
@@ -44,6 +48,17 @@ def linkage_system(linkage: Linkage) -> System:
     # Zero-crossing functions of events and load switches, and angles: one column each.
     events = [*_events_of_scene(model), *_switches(model), *_windings(model), *_turns(model)]
     derived = {m.name for m in (*equations, *points)}
+    own = {m.name for m in (*start, *residual, *events, *end, *limits)} | {
+        *outputs.OF_THE_WHOLE,
+        *_DIMENSIONS,
+    }
+    for state in linkage.states:
+        if state.name in derived | own:
+            raise SceneError(
+                f"{state.name!r} is reserved for a quantity of the linkage",
+                where=f"states.{state.name}",
+                hint="Choose another name.",
+            )
     return System(
         name=linkage.name,
         title=linkage.title,

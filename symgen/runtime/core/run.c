@@ -320,8 +320,8 @@ static int place_start(struct run *run) {
 }
 
 /* Start the method at y, which is on the constraints. */
-static int start_motion(struct run *run) {
-    int status = begin_switches(run);
+static int start_motion(struct run *run, int moved) {
+    int status = choose_branches(run, moved);
     if (status == DONE)
         status = run->scheme.kind->begin(run);
     if (status != DONE)
@@ -337,7 +337,7 @@ static int start_motion(struct run *run) {
 int run_begin(struct run *run) {
     int status = place_start(run);
     if (status == DONE)
-        status = start_motion(run);
+        status = start_motion(run, 1);
     if (status == MORE && run->scheme.adaptive && run->task.step == 0.0)
         run->state->h = run->scheme.kind->longest ? R(run->task.t_end) - run->state->t : first_step(run);
     return status;
@@ -353,7 +353,7 @@ int run_restart(struct run *run, int moves) {
     set_up(run->e);
     int status = moves ? place_start(run) : DONE;
     run->state->energy_start = REAL_INFINITY;
-    return status == DONE ? start_motion(run) : status;
+    return status == DONE ? start_motion(run, moves) : status;
 }
 
 void run_record(struct run *run) {

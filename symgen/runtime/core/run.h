@@ -318,8 +318,9 @@ void rewrite_back(struct run *run);
 /* Convert y to the usual coordinates at the end of a run. */
 void release_choices(struct run *run);
 
-/* Choose the branch of every switching point at the start: DONE or SLIDING. */
-int begin_switches(struct run *run);
+/* Choose the branch of every switching point at the start: DONE or SLIDING. Where a run goes on from a state that has not
+   moved, SLIDING also where constraints or their rates jump with a branch. */
+int choose_branches(struct run *run, int moved);
 /* End a step of length h to t_new at its first switching point: DONE with its number in `crossed` (-1: none); AGAIN
    if a step of another length must be tried; or the status of the failure. A length of zero means a switching point
    at the start. */

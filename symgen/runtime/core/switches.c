@@ -133,10 +133,13 @@ static real leaving(struct run *run, long k, real branch) {
     return side(branch) * rate_of(run, k, s->t, run->y, run->f, scale_of(run));
 }
 
-int begin_switches(struct run *run) {
+static int begin_switches(struct run *run) {
     struct state *s = run->state;
     for (long k = 0; k < run->e->sizes.switches; k++) {
+        const real before = *branch_of(run, k);
         hold(run, k, found_branch(run, k));
+        if (*branch_of(run, k) != before && s->jumped < 0)
+            s->jumped = k;
         run->switched[k] = s->t;
     }
     for (long k = 0; k < run->e->sizes.switches; k++) {
@@ -364,6 +367,20 @@ int behind_jump(struct run *run, int status) {
         return status;
     s->slid = s->jumped;
     return SLIDING;
+}
+
+int choose_branches(struct run *run, int moved) {
+    struct state *s = run->state;
+    if (may_jump(run) && !moved)
+        read_errors(run, s->unswitched);
+    s->jumped = -1;
+    int status = begin_switches(run);
+    if (status == DONE && s->jumped >= 0 && !moved && jumps(run)) {
+        s->slid = s->jumped;
+        status = SLIDING;
+    }
+    s->jumped = -1;
+    return status;
 }
 
 int switch_over(struct run *run, long k) {

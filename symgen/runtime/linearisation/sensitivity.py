@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,8 @@ from symgen.runtime.linearisation.vibration import spectrum
 
 #: Largest difference of slopes of constraints that agree, over their size.
 _EQUAL = 1e-9
+#: Relative change of a parameter that shows whether a start depends on it.
+_MOVED = 1e-3
 #: Time within which two switching points are one [s], and the relative difference of equal slopes of it.
 _AT_ONCE, _SAME = 1e-9, 1e-6
 #: Stiffness of a neutral freedom, over the largest.
@@ -106,6 +109,23 @@ def _moved(
         left = rates[:, tangents.by_q] @ dq + rates[:, tangents.by_u] @ du
         du = du - unit @ (left + direct(rates, by) - varied("'"))
     return dq, du
+
+
+def check_starts(model: Any, by: Sequence[str]) -> None:
+    """Raise ModelError for a parameter on which the start of a first-order state depends: it is held."""
+    if not (model.description.states and by):
+        return
+    first = model.description.of_points
+    starts = model.initial_state().u[first:]
+    for name in by:
+        if (value := model.parameters.get(name)) is None:
+            continue
+        moved = model.with_parameters(**{name: value * (1 + _MOVED) or _MOVED})
+        if not np.array_equal(moved.initial_state().u[first:], starts):
+            raise ModelError(
+                f"{model.name}: derivatives hold the starts of states, and {name} sets one of them\n"
+                "  Take differences of runs."
+            )
 
 
 def at_equilibrium(

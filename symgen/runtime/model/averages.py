@@ -68,9 +68,9 @@ class Average:
 def averages(result: Any, rtol: float = RTOL, *, magnitudes: bool = False) -> dict[str, Average]:
     """Return the averages of a result by component, or of the ``magnitudes`` of vectors.
 
-    They are over the time from the first sample to the last. Their samples are those of a quadrature, for
-    which the analysis is repeated: the panels end where steps end, and are divided until the error is within
-    ``rtol`` of the mean magnitude.
+    They are over the time from the first sample to the last, of a run that an event ends to this event.
+    Their samples are those of a quadrature, for which the analysis is repeated: the panels end where steps
+    end, and are divided until the error is within ``rtol`` of the mean magnitude.
 
     Raises
     ------
@@ -78,7 +78,10 @@ def averages(result: Any, rtol: float = RTOL, *, magnitudes: bool = False) -> di
         For results that cannot be repeated at other times, or have no duration.
     """
     repeat, names = _repeated(result), [v.name for v in result.variables]
-    if result.count < 2 or not np.ptp(result.time):
+    first, last = float(np.min(result.time)), float(np.max(result.time))
+    if result.origin and result.origin[1] == "simulate" and result.origin[2].get("t_eval") is None:
+        last = max(last, float(result.statistics.get("t", last)))
+    if last == first:
         raise ResultError("means need a range of time, got one sample")
 
     def components(of: Any) -> Sequence[Variable]:
@@ -95,7 +98,6 @@ def averages(result: Any, rtol: float = RTOL, *, magnitudes: bool = False) -> di
         y = np.array([v.values for v in components(repeat(times))]).reshape(len(known), -1)
         return np.stack([y, y**2, np.where(powers, np.maximum(y, 0.0), 0.0), np.abs(y)], axis=1)
 
-    first, last = float(np.min(result.time)), float(np.max(result.time))
     duration = last - first
     exchanged = result.drift.measured.get("energy_exchanged", 0.0)
     scales = np.array([{"J": exchanged * duration, "W": exchanged}.get(v.unit, 0.0) for v in known])
@@ -131,15 +133,19 @@ def _repeated(result: Any) -> Callable[[Array], Any]:
 
 
 def _panels(result: Any, first: float, last: float) -> Array:
-    """Return the ends of the first panels: those of the steps of a run, several together if they are many."""
+    """Return the ends of the first panels: those of the steps of a run, which end at switching points."""
     model, verb, arguments = result.origin or (None, "", {})
     if model is None or verb != "simulate":
+        if getattr(model.description, "switches", ()) if model is not None else ():
+            raise ResultError("means of prescribed motions with switching points are not available: simulate")
         return np.linspace(first, last, _PANELS + 1)
-    same = {name: x for name, x in arguments.items() if name not in ("samples", "t_eval")}
+    same = {name: x for name, x in arguments.items() if name not in ("samples", "t_eval", "max_wall")}
     with noted_ends() as ends:
         model.simulate(**same, t_eval=[last])
     inside = np.unique([t for t in ends if first < t < last])
-    return np.array([first, *inside[:: max(1, -(-len(inside) // _MOST_PANELS))], last])
+    if len(inside) > _MOST_PANELS:
+        raise ResultError(f"runs of at most {_MOST_PANELS} steps have means, got {len(inside)} steps")
+    return np.array([first, *inside, last])
 
 
 def integrals(

@@ -96,7 +96,7 @@ def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:
     the axes nor on the points that carry a body. Otherwise Newton's method with damping leads to an
     equilibrium of any kind near the start; where the unbalanced force has a least value other than zero on
     its path, the linkage is led downhill as well. A start that is in equilibrium already is handed back.
-    With first-order states it is the rest at which the motion from the start settles.
+    With first-order states it is a rest near the motion from the start.
 
     Raises
     ------

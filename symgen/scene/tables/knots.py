@@ -85,9 +85,25 @@ def _is_smooth(motion: sp.Expr, gap: sp.Expr, t: sp.Symbol, values: Mapping[sp.S
         samples = [
             {**of, t: time} for of in (values, near) for time in (sp.Rational(3, 7), sp.Rational(11, 5))
         ]
-        if all(abs(_number(e.xreplace(at))) <= _JUMP for e in parts for at in samples):
+        # A table may vanish at these times: each of its pieces counts.
+        on_pieces = [
+            {},
+            *(held for e in parts for f in e.atoms(PiecewisePolynomial) for held in _on_pieces(e, f)),
+        ]
+        if all(
+            abs(_number(e.xreplace(held).xreplace(at))) <= _JUMP
+            for e in parts
+            for held in on_pieces
+            for at in samples
+        ):
             return True
     return False
+
+
+def _on_pieces(expression: sp.Expr, function: PiecewisePolynomial) -> Iterator[dict[sp.Expr, sp.Expr]]:
+    """Yield all functions of the same knots and argument on each of their pieces."""
+    for piece in range(-1, 2 * len(function.pieces.knots), 2):
+        yield _held(expression, function, piece)
 
 
 def _number(x: sp.Expr) -> float:

@@ -382,3 +382,16 @@ def test_a_table_may_have_the_name_of_a_profile():
     table = {"x": ["0 s", "1 s"], "y": ["0 N*m", "2 N*m"]}
     found = turned("trapezoid(t)", "N*profile.trapezoid(t/S)", end=1, tables={"trapezoid": table})
     assert found == pytest.approx(1.5, rel=1e-9)
+
+
+@pytest.mark.parametrize("options", [{"method": "dop853"}, {"method": "rk4", "step": 0.01}], ids=str)
+def test_an_input_that_changes_as_a_drive_jumps_does_not_hide_the_jump(options):
+    """The drive jumps at 0.4 s, at which the controller is called."""
+    law = "profile.poly345(mod(t, T)/(k*T)) - profile.poly345((mod(t, T) - T/2)/(k*T))"
+    data = driven(law).model_dump(exclude_unset=True)
+    data["inputs"] = {"U": 0}
+    data["parameters"]["M"] = "0.01 N*m"
+    data["torques"] = [{"link": "rod", "torque": "M*U"}]
+    model = symgen.build(symgen.Scene(**data)).with_parameters(k=0.75)
+    with pytest.raises(SimulationError, match="jumps with .* in the drive of crank at t = 0.4 s"):
+        model.simulate(controller=lambda t, view: {"U": math.sin(9 * t)}, sample=0.1, **options)

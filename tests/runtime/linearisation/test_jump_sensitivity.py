@@ -182,3 +182,14 @@ def test_a_profile_of_a_remainder_wraps_at_one_switching_point():
     assert np.asarray(run["rod.angle"])[-1] + np.pi / 2 == pytest.approx(angle(1.0), abs=1e-9)
     found = run.gradient(["rod.angle"], ["F"], coordinates=["rod.angle"]).derivatives
     assert np.ravel(found)[-1] == pytest.approx(expected, rel=1e-7)
+
+
+@pytest.mark.parametrize("method", ["dop853", "taylor", "radau5"])
+def test_derivatives_at_the_time_of_a_jump_do_not_change_those_behind_it(method):
+    """A force from t = b = 0.3 s on, with derivatives requested at this time, too."""
+    model = built("-k*A.x + F*(1 + sign(t - b))/2", 0.5, 0.1)
+    options = {"coordinates": ["A.position.x"], "method": method, "rtol": 1e-12, "atol": 1e-14}
+    found = model.sensitivity(["A.position.x", "A.velocity.x"], ["F", "k", "b"], t_eval=[0.3, 0.7], **options)
+    given = [0.5, 0.1, 3.0, 50.0, 0.3]
+    expected = slopes(lambda *args: [*timed(*args, mp.mpf("0.7"))], given)[:, 2:]
+    assert np.max(np.abs(found.derivatives[1] - expected)) <= 1e-11 * np.max(np.abs(expected))

@@ -176,3 +176,34 @@ def test_tables_and_json_have_them():
     assert rows["output"][-2:] == ["mean", "RMS"]
     assert float(rows["crank.torque"][-1]) == pytest.approx(found["crank.torque"]["rms"], rel=1e-5)
     assert "positive [J]" in text
+
+
+@pytest.mark.parametrize("samples", [2, 3, 50])
+def test_the_work_till_an_event_does_not_depend_on_the_samples(samples):
+    """A force of 12 N on a slider of 3 kg from rest, till it has moved 0.5 m."""
+    scene = PULSE | {
+        "forces": [{"point": "A", "force": ["F", "0 N"]}],
+        "events": [{"name": "there", "of": "A.x", "value": "a + d", "ends_run": True}],
+        "parameters": {"F": "12 N", "a": "0.3 m", "d": "0.2 m"},
+        "analysis": {"t_end": "1 s", "outputs": ["forces.0.power", "A.velocity"]},
+    }
+    found = symgen.build(symgen.Scene(**scene)).simulate(samples=samples).averages()
+    assert found["forces.0.power"].work == pytest.approx(12 * 0.5, rel=1e-8)
+    assert found["A.velocity.x"].mean == pytest.approx(math.sqrt(2 * 4 * 0.5) / 2, rel=1e-8)
+
+
+def test_motions_without_means_say_why():
+    run = symgen.build("triple_pendulum").simulate(100.0, samples=11)
+    with pytest.raises(ResultError, match="at most 4000 steps have means"):
+        run.averages()
+    scene = {
+        "symgen": 1,
+        "parameters": {"w": "1 rad/s", "a": "0.5 s", "M": "500 N*m"},
+        "points": {"O": {"at": ["0 m", "0 m"], "ground": True}, "P": {"at": ["1 m", "0 m"]}},
+        "links": {"rod": {"points": ["O", "P"], "mass": "1 kg"}},
+        "torques": [{"link": "rod", "torque": "M*(1 + sign(t - a))"}],
+        "drivers": [{"link": "rod", "angle": "w*t"}],
+        "analysis": {"t_end": "1 s", "outputs": ["rod.torque"]},
+    }
+    with pytest.raises(ResultError, match="with switching points"):
+        symgen.build(symgen.Scene(**scene)).inverse_dynamics().averages()

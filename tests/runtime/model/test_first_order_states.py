@@ -327,3 +327,26 @@ def test_states_of_other_scenes_are_refused():
         symgen.build("thesis_four_bar", set={"states": state, **parameters})
     with pytest.raises(SceneError, match="v is a state, and states may occur in forces and torques alone"):
         symgen.build(filtered(), set={"masses.0.mass": "v*k"})
+
+
+@pytest.mark.parametrize("name", ["power", "kinetic_energy", "force", "mass_matrix", "positions", "time"])
+def test_states_are_not_called_as_quantities_of_the_linkage(name):
+    data = filtered().model_dump(exclude_unset=True)
+    data["states"] = {name: {"start": 0, "rate": "(U - 0.5)/T"}}
+    data["forces"][0]["force"] = ["k", 0]
+    data["analysis"] = {}
+    with pytest.raises(SceneError, match="states. .*reserved for a quantity of the linkage"):
+        symgen.build(symgen.Scene(**data))
+
+
+def test_derivatives_by_the_start_of_a_state_are_refused():
+    """The start is held: v = v0 exp(-t/T) would have the derivative zero."""
+    data = filtered().model_dump(exclude_unset=True)
+    data["parameters"]["v0"] = {"value": 0.5, "tunable": True}
+    data["states"]["v"]["start"] = "v0"
+    model = symgen.build(symgen.Scene(**data))
+    with pytest.raises(ModelError, match="hold the starts of states, and v0 sets one"):
+        model.sensitivity(["v"], ["v0"], t_end=0.1, coordinates=["P.position.x"])
+    slope = model.sensitivity(["v"], ["T"], t_eval=[0.1], coordinates=["P.position.x"]).derivatives[0, 0, 0]
+    # v = 1 - e/2 with e = exp(-t/T), whose derivative by T is e t/T^2
+    assert slope == pytest.approx(-np.exp(-1) * 0.1 / T**2 / 2, rel=1e-8)

@@ -158,9 +158,7 @@ class LinkageModel(Model):
 
     def _coordinates(self, y: State | ArrayLike, t: ArrayLike = 0.0) -> dict[str, Any]:
         q, u, times = parts_of(y, t, self.description.coordinates)
-        rows = self.evaluator.many_blocks(
-            "points", times, q.reshape(len(times), -1), u.reshape(len(times), -1)
-        )
+        rows = self.evaluator.many_blocks("points", times, np.atleast_2d(q), np.atleast_2d(u))
         d = self.description
         return by_name(
             d, rows["positions"], rows["velocities"], np.atleast_2d(u)[:, d.of_points :], q.ndim == 1

@@ -237,7 +237,7 @@ class RodModel(LinkageModel):
 
     @takes(LinkageDerivatives)
     def _sensitivity(self, request: LinkageDerivatives) -> Sensitivity:
-        from symgen.runtime.linearisation.sensitivity import at_equilibrium, at_pose
+        from symgen.runtime.linearisation.sensitivity import at_equilibrium, at_pose, check_starts
         from symgen.runtime.linearisation.state_space import derivatives
         from symgen.runtime.result.equilibrium import Equilibrium
 
@@ -250,6 +250,7 @@ class RodModel(LinkageModel):
             named = ", ".join(f"{{{name}}}" for name in run_arguments)
             raise OptionsError(f"{named} is for derivatives along a run: give {{t_end}} or {{t_eval}}, too")
         by = self._differentiated(request.parameters, initial if along else [])
+        check_starts(self, () if isinstance(at, State | Equilibrium) else by)
         spectra = [name for name in dict.fromkeys(request.outputs) if name in ("frequencies", "poles")]
         if spectra and (along or at is None or isinstance(at, State | float | int)):
             raise ModelError(f"{spectra[0]} belong to an equilibrium: give model.equilibrium() for at")
