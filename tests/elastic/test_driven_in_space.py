@@ -137,7 +137,7 @@ def test_the_drive_of_a_rotating_beam_gives_its_power():
 @pytest.mark.parametrize(
     ("output", "words"),
     [
-        ("rod.angle", "only a link with a drive has an angle, got rod.angle"),
+        ("rod.angle", "only a link that is driven against the ground has an angle, got rod.angle"),
         ("crank.speed_ratio", "got a linkage in space"),
         ("rod.angular_acceleration", "only in the plane, got rod.angular_acceleration"),
     ],

@@ -22,7 +22,7 @@ from symgen.inspection.state import state_of
 from symgen.mechanics.elastic.letters import assembly_equations, condensed_equations
 from symgen.pipeline.build import build_scene
 from symgen.pipeline.subject import Subject
-from symgen.report.mathematics.equations import in_python
+from symgen.report.mathematics.python import in_python
 from symgen.report.page.views import symbols
 from symgen.symbolic.notation import latex, mathml, text
 
