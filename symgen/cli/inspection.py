@@ -328,7 +328,7 @@ def schema(
     """Print the JSON Schema of scene files, for use in editors, or explain a key."""
     import json
 
-    from symgen.report.keys import explained, keys_of
+    from symgen.inspection.explanation import explained, keys_of
     from symgen.report.tables import table
     from symgen.scene.schema import Scene
 

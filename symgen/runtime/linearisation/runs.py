@@ -141,7 +141,7 @@ def followed(
             y.append(stepper.state[None, :])
             references.append(equations.parameters[None, held])
         else:  # at a switching point the run goes on with other branches
-            references[-1][-1] = equations.parameters[held]
+            next(rows for rows in reversed(references) if len(rows))[-1] = equations.parameters[held]
         while status == _core.MORE:
             room = min(_CHUNK, chosen.max_steps - sum(map(len, t)) + 1)
             if room <= 0:

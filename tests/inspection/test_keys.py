@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from symgen.cli import app
 from symgen.errors import SceneError
-from symgen.report.keys import explained, keys_of
+from symgen.inspection.explanation import explained, keys_of
 from symgen.scene.loading import shipped_scene, shipped_scenes
 from symgen.scene.schema import Scene
 
