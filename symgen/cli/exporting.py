@@ -16,6 +16,10 @@ def export(
     scene: o.Source,
     out: Annotated[Path, typer.Option(metavar="FOLDER", help="Destination: an empty or new folder.")],
     method: Annotated[str, typer.Option(metavar="NAME", help="Of runs: dop853 or taylor.")] = "dop853",
+    name: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Prefix of functions and files; default: the scene's name."),
+    ] = None,
     set_: o.Set = None,
 ) -> None:
     """Write a scene, or the kernels of a user-defined system, as C for use in other programs.
@@ -25,5 +29,5 @@ def export(
     """
     from symgen.export import export_c
 
-    for name in export_c(scene, out, set=changes(set_), method=method):
-        wrote(out / name)
+    for file in export_c(scene, out, set=changes(set_), method=method, name=name):
+        wrote(out / file)

@@ -59,6 +59,7 @@ def export_c(
     *,
     set: Mapping[str, Any] | None = None,
     method: str = "dop853",
+    name: str | None = None,
 ) -> list[str]:
     """Write a scene, or the kernels of a user-defined system, as C; return the names of the files.
 
@@ -73,6 +74,9 @@ def export_c(
         Values to override: parameter names or dotted keys, as in ``symgen.load_scene``.
     method
         Of runs in C: ``dop853``, or of linkages without elastic links ``taylor``.
+    name
+        Prefix of all functions and files; default: the name of the scene. Exports with different names can be
+        linked into one program.
 
     Raises
     ------
@@ -92,14 +96,19 @@ def export_c(
     from symgen.pipeline.user_system import is_user_file, load
 
     kind = "system" if is_user_file(scene) else "scene"
-    name = load(Path(str(scene))).system.name if is_user_file(scene) else text_of(scene).name
-    if name in _TAKEN or name in _of_core():
+    if is_user_file(scene) and name is not None:
         raise ModelError(
-            f"a {kind} called {name!r} cannot be exported: C, C++ or a file of the export has that name\n"
-            "  Export a copy under another name."
+            "the name of the export of a Python file is that of its System\n"
+            f"  Change it there: System({name!r}, ...)."
+        )
+    called = name or (load(Path(str(scene))).system.name if kind == "system" else text_of(scene).name)
+    if called in _TAKEN or called in _of_core():
+        raise ModelError(
+            f"a {kind} called {called!r} cannot be exported: C, C++ or a file of the export has that name\n"
+            f"  Give it {'another name there' if kind == 'system' else 'a name: --name, in Python name='}."
         )
     files_there = place(Path(folder))
-    return write(Path(folder), list(files_of(exported(scene, set, method))), files_there)
+    return write(Path(folder), list(files_of(exported(scene, set, method, name))), files_there)
 
 
 def _of_core() -> set[str]:
@@ -138,8 +147,9 @@ def exported(
     scene: Scene | SceneText | str | os.PathLike[str],
     set: Mapping[str, Any] | None = None,
     method: str = "dop853",
+    name: str | None = None,
 ) -> Exported:
-    """Return the template data of a scene whose runs take a method of ``RUN_METHODS``."""
+    """Return the template data of a scene under a name, whose runs take a method of ``RUN_METHODS``."""
     from symgen.errors import check_known
     from symgen.export.view import RUN_METHODS
     from symgen.pipeline.build import build, build_scene, text_of
@@ -147,6 +157,7 @@ def exported(
     from symgen.pipeline.user_system import equations_of, is_user_file
     from symgen.scene.loading import check_scene, override
     from symgen.scene.resolve import resolve
+    from symgen.scene.table import checked_name
 
     check_known(method, RUN_METHODS, "exports have no method")
     series = method == "taylor"
@@ -155,6 +166,7 @@ def exported(
         kernels = _emitted(equations_of(Path(str(scene))), built.description.equations, series)
         return _with_method(method, cast("Exported", _export_of(built)(built, *kernels)))
     text = override(text_of(scene), set or {})
+    text = text if name is None else replace(text, name=checked_name(name))
     model = build_scene(text)
     export = _export_of(model)
     program, sources = _emitted(derive(text), model.description.equations, series)
@@ -165,7 +177,8 @@ def exported(
     made = _with_method(method, cast("Exported", export(model, program, sources, *names)))
     file = Path(scene).name if isinstance(scene, str | os.PathLike) else ""
     changed = "".join(f" --set {shlex.quote(f'{key}={_written(x)}')}" for key, x in (set or {}).items())
-    return replace(made, source=f"{shlex.quote(file)}{changed}" if file else "")
+    named = "" if name is None else f" --name {name}"
+    return replace(made, source=f"{shlex.quote(file)}{changed}{named}" if file else "")
 
 
 def _written(value: Any, inner: bool = False) -> str:

@@ -348,6 +348,13 @@ def check_scene(text: SceneText) -> Scene:
             file=text.file,
             hint=f"Write 'symgen = {FORMAT_VERSION}' as the first line of the scene.",
         )
+    if "name" in text.data:
+        raise SceneError(
+            "the name of a scene is that of its file",
+            where="name",
+            file=text.file,
+            hint="Remove this key, and rename the file; 'title' is a text for people.",
+        )
     try:
         return Scene(**text.data).called(text.name, text.file)
     except SceneError as error:

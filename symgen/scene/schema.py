@@ -35,6 +35,7 @@ from symgen.scene.table import (
     Value,
     Vector,
     absent,
+    checked_name,
 )
 from symgen.scene.tables.files import with_points
 from symgen.scene.tables.points import PointsTable
@@ -236,7 +237,8 @@ class Scene(Table, metaclass=_Interface):
     tables that rows of ``symgen.methods.METHODS`` add.
 
     Build it from a file with :func:`symgen.load_scene`, or in Python with the same words:
-    ``symgen.Scene(symgen=1, points={...}, links={...})``. ``docs/scene.md`` describes all tables and keys.
+    ``symgen.Scene(name="press", points={...}, links={...})``. ``docs/scene.md`` describes all tables.
+    The name is that of the model, and the prefix of its functions in C; a file has its own.
     """
 
     model_config = ConfigDict(json_schema_extra=_for_editors)
@@ -278,7 +280,7 @@ class Scene(Table, metaclass=_Interface):
         return super().model_json_schema(*arguments, **options)
 
     @checked
-    def __init__(self, /, **tables: Any) -> None:
+    def __init__(self, /, *, name: str = "scene", **tables: Any) -> None:
         _add_tables()
         tables = written_out(tables)
         if "tables" in tables:
@@ -287,6 +289,7 @@ class Scene(Table, metaclass=_Interface):
             super().__init__(**tables)
         except ValidationError as error:
             raise scene_error(Scene, error) from None
+        self._name = checked_name(name)
         self._check_kind()
 
     def _check_kind(self) -> None:
@@ -327,7 +330,7 @@ class Scene(Table, metaclass=_Interface):
 
     @property
     def name(self) -> str:
-        """Short name: the file's stem, or what :meth:`called` gave it."""
+        """Short name: the file's stem, or ``name=`` in Python."""
         return self._name
 
     @property
@@ -338,7 +341,7 @@ class Scene(Table, metaclass=_Interface):
     def called(self, name: str, file: str = "") -> Scene:
         """Return the same scene under a name, which prefixes its generated functions."""
         copy = self.model_copy()
-        copy._name, copy._file = name, file
+        copy._name, copy._file = checked_name(name), file
         return copy
 
 
@@ -390,7 +393,8 @@ def _add_tables() -> None:
     _ADDED.clear()
     _ADDED.update(kinds)
     Scene.model_rebuild(force=True)
-    Scene.__signature__ = Signature([Parameter("tables", Parameter.VAR_KEYWORD)])
+    named = Parameter("name", Parameter.KEYWORD_ONLY, default="scene")
+    Scene.__signature__ = Signature([named, Parameter("tables", Parameter.VAR_KEYWORD)])
 
 
 _add_tables()

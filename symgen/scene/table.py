@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Any, ClassVar
 
 from pydantic import (
@@ -14,9 +15,10 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from symgen.errors import CONTROL
+from symgen.errors import CONTROL, SceneError, shown
 
-Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=40)]
+_NAME, _LONGEST = r"^[A-Za-z][A-Za-z0-9_]*$", 40
+Name = Annotated[str, StringConstraints(pattern=_NAME, max_length=_LONGEST)]
 Value = Annotated[
     str | int | float,
     Field(description='A quantity ("2 cm"), an expression over parameters ("2*a"), or a plain number.'),
@@ -28,6 +30,17 @@ Moments = Annotated[list[Value], Field(min_length=3, max_length=6)]
 
 #: Words for people.
 Text = Annotated[str, StringConstraints(pattern=f"^[^{CONTROL}]*$")]
+
+
+def checked_name(name: str) -> str:
+    """Return the name of a scene; raise SceneError if functions in C cannot begin with it."""
+    if not re.fullmatch(_NAME, name) or name.endswith("\n") or len(name) > _LONGEST:
+        raise SceneError(
+            f"expected a name of letters, digits and underscores, a letter first, got {shown(name)}",
+            where="name",
+            hint=f"It has at most {_LONGEST} characters, and begins the names of functions in C.",
+        )
+    return name
 
 
 def absent(description: str) -> Any:

@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 import symgen
 from symgen.cli import app
 from symgen.cli.common import changes
-from symgen.errors import CapabilityError, ModelError, ResultError
+from symgen.errors import CapabilityError, ModelError, ResultError, SceneError
 from symgen.export import export_c
 from symgen.scene.loading import scene_path
 
@@ -243,6 +243,81 @@ def test_two_exports_go_into_one_program(folders, tmp_path):
     seen = [line.split()[2] for line in said.splitlines() if len(line.split()) == 3]
     assert f"{name}_run" in seen
     assert all(symbol.startswith(f"{name}_") for symbol in seen), seen
+
+
+BOTH = """
+#include "left.h"
+#include "right.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+int main(void)
+{
+    void *memory[2] = { malloc(left_bytes()), malloc(right_bytes()) };
+    struct left *left = left_make(memory[0], NULL);
+    struct right *right = right_make(memory[1], NULL);
+    double t[2] = { left_t_start, right_t_start }, y[left_n_states], z[right_n_states];
+    memcpy(y, left_start, sizeof y);
+    memcpy(z, right_start, sizeof z);
+    for (int part = 1; part <= 2; part++)
+        if (left_run(left, &t[0], part*0.25, 1e-11, 1e-13, 1000000, y)
+            || right_run(right, &t[1], part*0.25, 1e-11, 1e-13, 1000000, z))
+            return 1;
+    for (int i = 0; i < left_n_states; i++)
+        printf("%.17g ", y[i]);
+    puts("");
+    for (int i = 0; i < right_n_states; i++)
+        printf("%.17g ", z[i]);
+    free(memory[0]);
+    free(memory[1]);
+    return 0;
+}
+"""
+
+
+@needs("gcc")
+def test_two_exports_of_one_scene_run_in_one_program(tmp_path):
+    """Under two names, with different values; both end where runs in Python end."""
+    values = {"left": {}, "right": {"gravity.acceleration": ["0 m/s^2", "0 m/s^2", "-1.6 m/s^2"]}}
+    for name, changed in values.items():
+        export_c("vertical_rods", tmp_path / name, set=changed, name=name)
+        again = re.search("`symgen export (.*) --out", (tmp_path / name / "README.md").read_text())[1]
+        assert again.startswith("vertical_rods") and again.endswith(f" --name {name}")
+    (tmp_path / "both.c").write_text(BOTH)
+    sources = [
+        file
+        for name in values
+        for file in (tmp_path / name).rglob("*.c")
+        if file.name not in ("main.c", "check.c")
+    ]
+    folders_ = [f"-I{tmp_path / name}" for name in values]
+    made = tmp_path / "both"
+    run("gcc", *STRICT, *folders_, "-o", made, tmp_path / "both.c", *sources, "-lm")
+    ends = [[float(x) for x in line.split()] for line in run(made).splitlines()]
+    assert ends[0] != pytest.approx(ends[1], rel=1e-2)
+    for end, changed in zip(ends, values.values(), strict=True):
+        model = symgen.build("vertical_rods", set=changed)
+        final = model.simulate(0.5, rtol=1e-11, atol=1e-13).final
+        free = model.description.free
+        expected = [x for what in ("position", "velocity") for p in free for x in final[p][what]]
+        assert end[: len(expected)] == pytest.approx(expected, abs=1e-8)
+
+
+def test_names_of_exports(tmp_path):
+    done = CliRunner().invoke(app, ["export", "four_bar", "--out", str(tmp_path / "a"), "--name", "arm"])
+    assert done.exit_code == 0 and (tmp_path / "a" / "arm.h").is_file()
+    assert not [*(tmp_path / "a").rglob("*four_bar*")]
+    for name, error, words in (
+        ("my arm", SceneError, "expected a name of letters, digits and underscores"),
+        ("double", ModelError, "a scene called 'double' cannot be exported"),
+    ):
+        with pytest.raises(error, match=words):
+            export_c("four_bar", tmp_path / "b", name=name)
+        assert not (tmp_path / "b").exists()
+    file = tmp_path / "mine.py"
+    file.write_text("raise RuntimeError")
+    with pytest.raises(ModelError, match="is that of its System"):
+        export_c(file, tmp_path / "b", name="arm")
 
 
 @needs("gcc")

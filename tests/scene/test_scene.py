@@ -14,7 +14,7 @@ import symgen
 from symgen.errors import SceneError
 from symgen.pipeline.systems import derive
 from symgen.scene.faults import tables_in
-from symgen.scene.loading import SHIPPED, SceneText, check_scene, override, read_scene, text_of
+from symgen.scene.loading import SHIPPED, SceneText, check_scene, override, read_scene, shipped_scene, text_of
 from symgen.scene.resolve import resolve
 from symgen.scene.schema import Scene
 
@@ -66,6 +66,41 @@ def test_scenes_do_not_change():
     with pytest.raises(Exception, match="frozen"):
         scene.title = "other"
     assert scene.called("again").name == "again" and scene.name == "four_bar"
+
+
+def test_scenes_of_python_have_names(tmp_path):
+    tables = symgen.load_scene("four_bar").model_dump(exclude_unset=True)
+    scene = symgen.Scene(name="press", **tables)
+    assert (scene.name, symgen.Scene(**tables).name) == ("press", "scene")
+    assert "'press'" in repr(scene) and symgen.build(scene).name == "press"
+    for wrong in ("my press", "2nd", "", "a" * 41, "press\n"):
+        with pytest.raises(SceneError, match="expected a name of letters, digits"):
+            symgen.Scene(name=wrong, **tables)
+        with pytest.raises(SceneError, match="expected a name of letters, digits"):
+            scene.called(wrong)
+    file = tmp_path / "machine.toml"
+    file.write_text('name = "press"\n' + shipped_scene("four_bar"))
+    with pytest.raises(SceneError, match="the name of a scene is that of its file"):
+        symgen.load_scene(file)
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_new_parameters(reverse):
+    """Also where the scene has none, together with what uses them, in any order."""
+    text = read_scene("vertical_rods")
+    assert "parameters" not in text.data
+    values = {
+        "parameters.rho": {"value": "0.5 kg/m", "tunable": True},
+        "links.upper.mass_per_length": "4*rho",
+    }
+    changes = dict(reversed(values.items())) if reverse else values
+    model = symgen.build("vertical_rods", set=changes)
+    assert [p.name for p in model.description.parameters] == ["rho"]
+    same = symgen.build("vertical_rods", set={"links.upper.mass_per_length": "2 kg/m"})
+    tensions = [float(m.simulate(0.1)["upper.tension"][-1]) for m in (model, same)]
+    assert tensions[0] == pytest.approx(tensions[1], rel=1e-9)
+    other = symgen.build("vertical_rods").simulate(0.1)
+    assert tensions[0] != pytest.approx(float(other["upper.tension"][-1]), rel=1e-2)
 
 
 def test_overrides():

@@ -19,5 +19,5 @@ def test_dir_lists_the_interface_alone(scene):
 
 def test_help_of_a_scene_is_short():
     text = pydoc.render_doc(symgen.Scene, renderer=pydoc.plaintext)
-    assert "Scene(**tables)" in text and "called(self" in text
+    assert "Scene(*, name='scene', **tables)" in text and "called(self" in text
     assert len(text.splitlines()) < 50 and "pydantic_" not in text
