@@ -184,7 +184,7 @@ def elastic(model: ElasticModel, rng: np.random.Generator) -> int:
             for end in (1e-3, 1e300):
                 run = _core.Run(
                     motion.equations(), integrator_of(method), 0.0, y, end, 0.0, 0.0, 0.0, np.array([end]),
-                    stabilisation=2, nodes=np.array([0.0, end]), counts=np.array([0, 4]),
+                    stabilisation=2, nodes=np.array([0.0, end]), counts=np.array([0, 8]),
                 )  # fmt: skip
                 if run.begin() == _core.MORE:
                     run.advance(STEPS)

@@ -173,7 +173,7 @@ OF_ANALYSES: dict[str, Any] = {
         "NAME",
         "Integrator. Adaptive: dop853, taylor (for --rtol of at most 1e-9), dopri5, radau5 (stiff). "
         "Fixed step: rk4, rattle, rattle4, rattle6, rattle8, generalized-alpha, newmark. Elastic links: "
-        "gauss, gauss4, newmark, generalized-alpha, wilson-theta, dop853, rk4.",
+        "gauss, gauss4, newmark, generalized-alpha, wilson-theta, bdf2 to bdf5, dop853, rk4.",
     ),
     "rtol": maybe(
         float,

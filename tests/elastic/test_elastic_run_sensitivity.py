@@ -58,7 +58,9 @@ def test_the_stored_motion_is_reproduced():
         assert all(abs(x / mp.mpf(y) - 1) < mp.mpf("1e-20") for x, y in zip(found, stored, strict=True))
 
 
-@pytest.mark.parametrize("method", ["gauss", "newmark", full("generalized-alpha"), full("wilson-theta")])
+@pytest.mark.parametrize(
+    "method", ["gauss", "newmark", full("generalized-alpha"), full("wilson-theta"), "bdf3"]
+)
 def test_a_slider_crank_against_differences_of_its_runs(method):
     """With a guide, and damped modes of the rod; steps are held, so that differences have one limit."""
     model = tunable(

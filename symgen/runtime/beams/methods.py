@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
@@ -25,7 +25,8 @@ class BeamMethod:
         S''_at = inertia . (S''_0, S''_1),   S'_at = S'_0 + h rate . (S''_0, S''_1),
         S_at = S_0 + at h S'_0 + h^2 place . (S''_0, S''_1),
 
-    and the step ends as Newmark's does with ``gamma`` and ``beta``.
+    and the step ends as Newmark's does with ``gamma`` and ``beta``. Gear's method, of ``past`` states, takes
+    the stages for its first steps.
     """
 
     name: str
@@ -39,6 +40,7 @@ class BeamMethod:
     place: Pair = (0.25, 0.25)
     gamma: float = 0.5
     beta: float = 0.25
+    past: int = 0
 
     @property
     def collocated(self) -> bool:
@@ -55,7 +57,7 @@ class BeamMethod:
 def integrator_of(method: BeamMethod) -> Integrator:
     """Return a method for the step loop: see ``core/beam_steps.c``."""
     ends = {name: getattr(method, name) for name in ("at", "gamma", "beta", "inertia", "rate", "place")}
-    coefficients = {"stages": len(method.c), **ends, **method.arrays}
+    coefficients = {"stages": len(method.c), "past": method.past, **ends, **method.arrays}
     return Integrator(
         method.name, "fixed steps of elastic links", "beam_steps", method.order, 3, 0, coefficients
     )
@@ -119,6 +121,15 @@ def _radau(name: str, stages: int) -> BeamMethod:
     return BeamMethod(name, 2 * stages - 1, a, a[-1].copy(), c)
 
 
+def _gear(order: int) -> BeamMethod:
+    """Return Gear's method, backward differentiation of an order from 2 to 5.
+
+    E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, V.1: beyond order 2 it is not stable at
+    any step; vibrations without damping grow within a band of steps. Its first steps are of order 6.
+    """
+    return replace(gauss(f"bdf{order}", 3), order=order, past=order)
+
+
 def _integrals(c: Array) -> Array:
     """Return the integrals up to each node of the polynomials that are one at one node and zero at others."""
     powers = np.arange(1, len(c) + 1)
@@ -138,6 +149,7 @@ _METHODS = (
     BeamMethod("newmark", 2),
     _generalized_alpha(0.9),
     _wilson(1.4),
+    *map(_gear, range(2, 6)),
 )
 #: Methods by name.
 BEAM_METHODS = {m.name: m for m in _METHODS}

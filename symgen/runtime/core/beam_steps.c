@@ -4,6 +4,9 @@
  * Collocation has `stages`, with a and a a (stages squared), the weights b and b a, and the nodes c. Without stages, the
  * equation holds at the fraction `at` of the step, where S'' = inertia . (S''_0, S''_1), S' = S'_0 + h rate . (S''_0,
  * S''_1) and S = S_0 + at h S'_0 + h^2 place . (S''_0, S''_1); the step ends by Newmark's formulas with gamma and beta.
+ *
+ * Gear's method has `past` states, with which S' and S'' at the end of a step are the slopes of the polynomials through S and
+ * S' there and at the last `past` states. The first steps are those of the collocation.
  */
 #include <string.h>
 
@@ -12,10 +15,17 @@
 #include "lanes.h"
 #include "run.h"
 
+/* Most past states of Gear's method: beyond, it is unstable for any equation. */
+enum { MOST_PAST = 6 };
+
 struct beam_steps {
     struct beams *b;
     long columns, stages; /* states of the batch, of which the first is loaded; stored stages, one or more */
     int collocated;
+    long past;            /* states of Gear's method, with the present one; 0: another method */
+    long *known;          /* number of those before the present one that are known */
+    real *lengths;        /* of the present step, and of those between the present and the known states, backwards */
+    real *before;         /* these states, backwards */
     real at, gamma, beta;
     const real *inertia, *rate, *place;
     const real *a, *aa, *weights, *weights_a, *nodes;
@@ -31,17 +41,25 @@ struct beam_steps {
     real *f, *f_new;   /* S' and S'' of all unknowns at both ends; of collocation, S'' is the mean of the step */
 };
 
-/* The steps of equations by a scheme, with arrays in memory; with NULL their bytes are counted in `total`. */
-static struct beam_steps place(const struct equations *e, const long *counts, const real *numbers, void *memory,
-                               size_t *total) {
+/* The steps of equations by a scheme, collocated or not, with arrays in memory; with NULL their bytes are counted in
+   `total`. */
+static struct beam_steps place(const struct equations *e, const long *counts, const real *numbers, int collocated,
+                               void *memory, size_t *total) {
     struct beams *b = e->owner;
-    struct beam_steps steps = {.b = b, .columns = columns_of(e, b), .collocated = counts[0] > 0}, *x = &steps;
+    struct beam_steps steps = {.b = b, .columns = columns_of(e, b), .collocated = collocated, .past = counts[1]},
+                      *x = &steps;
     const ptrdiff_t k = x->stages = x->collocated ? counts[0] : 1;
     const ptrdiff_t columns = x->columns, free = b->free, entries = b->entries;
     x->system.inner = b->inner * k;
     x->system.border = (b->border + b->modes) * k;
     x->system.band = b->system.band * k + k - 1;
     const struct arena_array arrays[] = {
+        /* first what lasts from step to step, in the same place for steps of both kinds */
+        ARENA_ARRAY(x->f, e->dim),
+        ARENA_ARRAY(x->f_new, e->dim),
+        ARENA_ARRAY(x->known, 1),
+        ARENA_ARRAY(x->lengths, x->past),
+        ARENA_ARRAY(x->before, x->past ? (x->past - 1) * e->dim : 0),
         ARENA_ARRAY(x->by_rate, k * k),
         ARENA_ARRAY(x->by_place, k * k),
         ARENA_ARRAY(x->of_entry, 3 * k),
@@ -60,8 +78,6 @@ static struct beam_steps place(const struct equations *e, const long *counts, co
         ARENA_ARRAY(x->pv, free * columns),
         ARENA_ARRAY(x->pa, free * columns),
         ARENA_ARRAY(x->first, 3 * free),
-        ARENA_ARRAY(x->f, e->dim),
-        ARENA_ARRAY(x->f_new, e->dim),
         ARENA_ARRAY(x->system.pivots, x->system.inner),
         ARENA_ARRAY(x->system.swaps, x->system.border),
     };
@@ -75,20 +91,27 @@ static struct beam_steps place(const struct equations *e, const long *counts, co
     return steps;
 }
 
+/* The present step of a run: of Gear's method it is collocated until all past states are known. */
 static struct beam_steps steps_of(const struct run *run) {
+    const long *counts = run->scheme.counts;
     size_t total;
-    return place(run->e, run->scheme.counts, run->scheme.numbers, run->own, &total);
+    const struct beam_steps x = place(run->e, counts, run->scheme.numbers, counts[0] > 0, run->own, &total);
+    if (x.past == 0 || *x.known < x.past - 1)
+        return x;
+    return place(run->e, counts, run->scheme.numbers, 0, run->own, &total);
 }
 
 static size_t bytes(const struct equations *e, const long *counts) {
     size_t total;
-    place(e, counts, NULL, NULL, &total);
+    place(e, counts, NULL, counts[0] > 0, NULL, &total);
     return total;
 }
 
 static ptrdiff_t numbers(const long *counts) {
-    const long k = counts[0];
-    return k < 0 || k > MOST_STAGES ? -1 : 9 + 2 * k * k + 3 * k;
+    const long k = counts[0], past = counts[1];
+    if (k < 0 || k > MOST_STAGES || past < 0 || past > MOST_PAST || (past && k == 0))
+        return -1;
+    return 9 + 2 * k * k + 3 * k;
 }
 
 static void bind(struct run *run) {
@@ -96,11 +119,13 @@ static void bind(struct run *run) {
     run->f = x.f, run->f_new = x.f_new;
 }
 
-/* Select the independent unknowns; without stages find S''. */
+/* Select the independent unknowns; without stages find S''. States before are of another motion. */
 static int begin(struct run *run) {
-    const struct beam_steps x = steps_of(run);
+    struct beam_steps x = steps_of(run);
     struct equations *e = run->e;
     const size_t half = (size_t)e->n * sizeof(real);
+    *x.known = 0;
+    x = steps_of(run);
     if (!x.collocated) {
         e->of->derivative(e, run->state->t, run->y, x.f);
         return real_isfinite(x.f[e->n]) ? DONE : SINGULAR;
@@ -345,13 +370,48 @@ static int step_once(struct beam_steps *x, real t, real h) {
     return DONE;
 }
 
+/* Write a state and weights with which step_once takes a step of Gear's method: S' = S'_past + r S'' and S = S_past + r S',
+   with r and the weights of past states from the slope of the polynomial through them and the end of the step (C. W. Gear,
+   Numerical Initial Value Problems in Ordinary Differential Equations, 1971; here for steps of any lengths). */
+static void from_past(struct beam_steps *x, const struct run *run, real h, real weights[4], real *state) {
+    const long past = x->past, n = run->e->n;
+    real ago[MOST_PAST], slope = 0;
+    x->lengths[0] = h;
+    for (long j = 0; j < past; j++) {
+        ago[j] = x->lengths[j] + (j ? ago[j - 1] : 0);
+        slope += 1 / ago[j];
+    }
+    memset(state, 0, (size_t)run->dim * sizeof(real));
+    memset(run->error, 0, (size_t)n * sizeof(real));
+    for (long j = 0; j < past; j++) {
+        const real *y = j ? x->before + (j - 1) * run->dim : run->y;
+        real weight = 1 / (slope * ago[j]);
+        for (long i = 0; i < past; i++)
+            if (i != j)
+                weight *= ago[i] / (ago[i] - ago[j]);
+        for (long i = 0; i < 2 * n; i++)
+            state[i] += weight * y[i];
+    }
+    const real part = 1 / (slope * h);
+    for (long i = 0; i < n; i++) /* step_once adds h S' */
+        state[i] += (part - 1) * h * state[n + i];
+    weights[0] = weights[2] = 0, weights[1] = part, weights[3] = part * part;
+    x->rate = weights, x->place = weights + 2, x->gamma = part, x->beta = part * part;
+}
+
 static int step(struct run *run, real t, real h, real t_new) {
     struct beam_steps x = steps_of(run);
     struct beams *b = x.b;
     const long n = run->e->n;
-    beams_take(b, run->y, x.columns, x.p);
-    beams_take(b, run->y + n, x.columns, x.pv);
-    beams_take(b, x.f + n, x.columns, x.pa);
+    const real *y = run->y, *second = x.f + n;
+    real weights[4];
+    if (x.past && !x.collocated) {
+        from_past(&x, run, h, weights, run->stage);
+        y = run->stage, second = run->error;
+    }
+    beams_take(b, y, x.columns, x.p);
+    beams_take(b, y + n, x.columns, x.pv);
+    beams_take(b, second, x.columns, x.pa);
     int status = x.collocated ? collocate(&x, t, h) : step_once(&x, t, h);
     if (status == DONE && b->layout.counts.constraints)
         status = beams_assemble(b, t_new, 0);
@@ -367,11 +427,14 @@ static int step(struct run *run, real t, real h, real t_new) {
 
 /* Select the independent unknowns of the next step. */
 static int finish(struct run *run, real h, real t_new) {
-    struct beams *b = run->e->owner;
-    const long n = run->e->n, stages = run->scheme.counts[0];
+    const struct beam_steps x = steps_of(run);
+    struct beams *b = x.b;
+    const long n = run->e->n;
     (void)t_new;
+    if (x.past)
+        x.lengths[0] = h;
     memcpy(run->f_new, run->y_new + n, (size_t)n * sizeof(real));
-    for (long i = 0; stages && i < n; i++)
+    for (long i = 0; x.collocated && i < n; i++)
         run->f_new[n + i] = (run->y_new[n + i] - run->y[n + i]) / h;
     return b->layout.counts.constraints ? beams_choose(b) : DONE;
 }
@@ -385,10 +448,23 @@ static void interpolate(struct run *run, real h, real theta, real *y) {
 }
 
 static void accept(struct run *run) {
-    memcpy(run->f, run->f_new, (size_t)run->dim * sizeof(real));
+    const struct beam_steps x = steps_of(run);
+    const size_t row = (size_t)run->dim * sizeof(real);
+    memcpy(run->f, run->f_new, row);
+    if (x.past < 2)
+        return;
+    memmove(x.before + run->dim, x.before, (size_t)(x.past - 2) * row);
+    memcpy(x.before, run->y_old, row);
+    memmove(x.lengths + 1, x.lengths, (size_t)(x.past - 1) * sizeof(real));
+    *x.known += *x.known < x.past - 1;
+}
+
+static int valid(const struct run *run) {
+    const struct beam_steps x = steps_of(run);
+    return 0 <= *x.known && (x.past ? *x.known < x.past : *x.known == 0);
 }
 
 const struct kind beam_kind = {
-    "beam_steps", "stages", "at gamma beta inertia rate place a aa b ba c", 1, bytes, numbers, bind, begin, step, finish,
-    prepare, interpolate, accept, NULL, NULL, NULL, NULL,
+    "beam_steps", "stages past", "at gamma beta inertia rate place a aa b ba c", 1, bytes, numbers, bind, begin, step, finish,
+    prepare, interpolate, accept, valid, NULL, NULL, NULL,
 };

@@ -105,7 +105,7 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
         method
             Name of an integrator (``docs/integrators.md``): by default ``taylor`` for ``rtol`` of at most
             1e-9 where it can, otherwise ``dop853``. Elastic links: ``gauss`` (default), ``gauss4``,
-            ``newmark``, ``generalized-alpha``, ``wilson-theta``, ``dop853``, ``rk4``.
+            ``newmark``, ``generalized-alpha``, ``wilson-theta``, ``bdf2`` to ``bdf5``, ``dop853``, ``rk4``.
         rtol, atol
             Tolerances of the local error of adaptive methods: relative (1e-9), in m and m/s (rtol/1000).
             Elastic links: ``rtol`` is the error over the peak stress (1e-4) of methods with fixed steps.
