@@ -16,10 +16,11 @@ _DRAWN_BY = {
     "moving_html": "symgen.inspection.film",
     "table_of": "symgen.methods",
     "plot": "symgen.report.page.plots",
-    "result_html": "symgen.report.page.notebook",
-    "model_html": "symgen.report.page.notebook",
-    "record_html": "symgen.report.page.notebook",
-    "optimum_html": "symgen.report.page.notebook",
+    "result_html": "symgen.report.notebook.displays",
+    "model_html": "symgen.report.notebook.displays",
+    "record_html": "symgen.report.notebook.displays",
+    "optimum_html": "symgen.report.notebook.displays",
+    "widget": "symgen.report.notebook.widget",
 }
 
 

@@ -11,7 +11,7 @@ import pytest
 
 import symgen
 from symgen.errors import ModelError, ResultError
-from symgen.report.page import notebook
+from symgen.report.notebook import displays
 
 
 def places(film, name):
@@ -74,7 +74,7 @@ def test_notebooks_play_a_result_in_a_frame_of_its_own(monkeypatch):
     data = json.loads(re.search(r'id="data"[^>]*>(.*?)</script>', unescape(page[1]))[1])
     assert len(data["frames"]) == 5
     assert not re.search(r"(src|href)=\"(?!data:)", unescape(page[1]))
-    monkeypatch.setattr(notebook, "QUICK", 0.0)  # a run that took long is not repeated
+    monkeypatch.setattr(displays, "QUICK", 0.0)  # a run that took long is not repeated
     text = run._repr_html_()
     assert "<iframe" not in text and "<img" in text
 

@@ -128,6 +128,40 @@ class Compiled:
         """Values of the tunable parameters, in SI units, read-only: :meth:`with_parameters` changes them."""
         return self._parameters
 
+    @checked
+    def widget(
+        self, vary: Mapping[str, Any], analysis: str | None = None, *, frames: int = 121, **arguments: Any
+    ) -> Any:
+        """Return a notebook widget: a slider for each parameter, the moving picture and curves of the run.
+
+        A slider that is let go carries the analysis out anew with the values of all sliders. Where that
+        fails, the widget shows the message above the last picture.
+
+        Parameters
+        ----------
+        vary
+            Tunable parameters by name, each with its range in SI units: ``(low, high)`` or ``Uniform``.
+        analysis
+            ``simulate``, ``kinematics`` or ``inverse_dynamics``; that of sweeps when absent.
+        frames
+            Number of frames of the picture, at most.
+        arguments
+            Further arguments of the analysis.
+
+        Returns
+        -------
+        anywidget.AnyWidget
+            ``values`` holds the parameters by name; assigning to it moves the sliders.
+
+        Raises
+        ------
+        ModelError
+            Without anywidget, and for a name or a range that does not fit.
+        SymgenError
+            As of the analysis with the present values.
+        """
+        return display("widget", self, vary, analysis, frames, arguments)
+
     def _repr_html_(self) -> str:
         return display("model_html", self)
 

@@ -169,6 +169,13 @@ def _plain(value: Any) -> Any:
     return np.asarray(value).tolist() if isinstance(value, np.ndarray | np.generic | tuple) else value
 
 
+def usual_analysis(model: Any) -> str:
+    """Return the analysis of sweeps and widgets that name none."""
+    elastic = "quasi_static" in model.capabilities  # as of symgen run: inverse dynamics is of rigid links
+    preferred = ("simulate",) if elastic else ("inverse_dynamics", "simulate", "kinematics")
+    return next((name for name in preferred if name in model.capabilities), "simulate")
+
+
 def sweep_of(
     model: Any,
     analysis: str | None,
@@ -179,12 +186,9 @@ def sweep_of(
     threads: int | None,
 ) -> Sweep:
     """Return a sweep; raise CapabilityError or ModelError for an analysis that cannot be carried out."""
-    supported = [name for name in ANALYSES if name in model.capabilities]
-    elastic = "quasi_static" in supported  # as of symgen run: inverse dynamics is of rigid links
-    preferred = ("simulate",) if elastic else ("inverse_dynamics", "simulate", "kinematics")
-    verb = analysis or next((name for name in preferred if name in supported), "simulate")
-    verb = verb.replace("-", "_")  # as commands are named
+    verb = (analysis or usual_analysis(model)).replace("-", "_")  # as commands are named
     if verb not in ANALYSES:
+        supported = [name for name in ANALYSES if name in model.capabilities]
         raise ModelError(f"there are no sweeps of {verb!r}. {nearest(verb, supported or ANALYSES)}")
     if "of" in arguments and verb != "kinematics":
         other = verb.replace("_", " ")

@@ -1,0 +1,1 @@
+"""What notebooks show: displays of models and results, and a widget."""
