@@ -16,7 +16,7 @@ _SHOWN = "set_ out plot plot_of xy plot_over compare film as_json"
 
 @analysis(
     "symgen run four_bar --t-end 2 --plot run.png",
-    f"t_end at samples {_SHOWN} {o.COMPILED}",
+    f"t_end at samples of means {_SHOWN} {o.COMPILED}",
 )
 def run(ctx: typer.Context) -> None:
     """Run the default analysis of a scene.
@@ -39,8 +39,8 @@ def run(ctx: typer.Context) -> None:
 
 @analysis(
     "symgen simulate peaucellier --t-end 1 --rtol 1e-12",
-    "t_end method rtol atol step samples stabilisation stabilisation_rate max_drift revolutions steps at "
-    "form geometric_stiffness initial max_step max_wall checkpoint checkpoint_every resume "
+    "t_end method rtol atol step samples of means stabilisation stabilisation_rate max_drift revolutions "
+    "steps at form geometric_stiffness initial max_step max_wall checkpoint checkpoint_every resume "
     f"{_SHOWN} {o.COMPILED}",
     at=o.AtAngles,
 )
@@ -51,11 +51,9 @@ def simulate(ctx: typer.Context) -> None:
 
 @analysis(
     "symgen kinematics crank_rocker --of rocker --plot rocker.svg",
-    "start stop at samples of state through set_ out plot xy plot_over compare film as_json backend",
-    of=o.names(
-        "--of",
-        "Points, links or corners A.B.C, or outputs of them, to record; default: all that move.",
-    ),
+    "start stop at samples of means state through "
+    "set_ out plot plot_of xy plot_over compare film as_json backend",
+    of=o.outputs_of("Points, links or corners A.B.C, or outputs of them, to record; default: all that move."),
 )
 def kinematics(ctx: typer.Context) -> None:
     """Compute the kinematics of a driven mechanism.
@@ -69,7 +67,7 @@ def kinematics(ctx: typer.Context) -> None:
 
 @analysis(
     "symgen inverse-dynamics crank_rocker --at 0,60",
-    "start stop at samples elements sections state through "
+    "start stop at samples of means elements sections state through "
     "set_ out plot plot_of plot_over compare film as_json backend",
     elements=o.maybe(int, "--elements", "N", "Finite elements per link of a linkage (1)."),
     sections=o.maybe(
@@ -86,7 +84,7 @@ def inverse_dynamics(ctx: typer.Context) -> None:
 
 @analysis(
     'symgen equilibrium four_bar --set links.crank.mass="2 kg"',
-    "at stable elements set_ as_json backend",
+    "at of stable elements set_ as_json backend",
     at=o.maybe(str, "--at", "TIME", 'Time at which loads and drives are held, "0.3 s"; default: 0.'),
 )
 def equilibrium(ctx: typer.Context) -> None:
@@ -138,7 +136,7 @@ def modes(ctx: typer.Context) -> None:
     "at stable inputs outputs coordinates set_ as_json backend",
     at=o.maybe(str, "--at", "STATE", 'start (default), equilibrium, or a time of the run, "0.3 s".'),
     inputs=o.names("--inputs", "Inputs of the scene; default: all."),
-    outputs=o.names("--outputs", "Outputs, such as A.position.x; default: coordinates."),
+    outputs=o.outputs_of("Outputs, such as A.position.x; default: coordinates."),
     coordinates=o.names(
         "--coordinates",
         "Independent coordinates, such as crank.angle; default: positions of all moving points.",
@@ -155,11 +153,11 @@ def linearise(ctx: typer.Context) -> None:
 
 
 @analysis(
-    "symgen sensitivity peaucellier --at equilibrium --outputs O.reaction",
+    "symgen sensitivity peaucellier --at equilibrium --of O.reaction",
     "outputs parameters at stable coordinates t_end t_eval integrals method rtol atol step max_step "
     "set_ as_json backend",
     required="scene outputs",
-    outputs=o.names("--outputs", "Outputs, such as A.position.x, or frequencies.", list[str]),
+    outputs=o.outputs_of("Outputs, such as A.position.x, or frequencies.", list[str]),
     parameters=o.names("--parameters", "Tunable parameters; default: all."),
     at=o.maybe(str, "--at", "STATE", 'start (default), equilibrium, or a time of a driven linkage, "0.3 s".'),
     coordinates=o.names("--coordinates", "Independent coordinates to hold, such as crank.angle."),
@@ -235,7 +233,7 @@ def assemblies(ctx: typer.Context) -> None:
 
 @analysis(
     "symgen periodic elastic_four_bar",
-    f"steps rtol samples at form geometric_stiffness max_step max_wall {_SHOWN} {o.COMPILED}",
+    f"steps rtol samples of at form geometric_stiffness max_step max_wall {_SHOWN} {o.COMPILED}",
     at=o.AtAngles,
 )
 def periodic(ctx: typer.Context) -> None:
@@ -245,7 +243,7 @@ def periodic(ctx: typer.Context) -> None:
 
 @analysis(
     "symgen quasi-static elastic_four_bar --at 0,60",
-    f"revolutions samples at form geometric_stiffness max_wall {_SHOWN} {o.COMPILED}",
+    f"revolutions samples of at form geometric_stiffness max_wall {_SHOWN} {o.COMPILED}",
     at=o.AtAngles,
 )
 def quasi_static(ctx: typer.Context) -> None:
@@ -255,7 +253,7 @@ def quasi_static(ctx: typer.Context) -> None:
 
 @analysis(
     "symgen large-rotation elastic_four_bar --elements 8",
-    "elements t_end revolutions rtol samples max_step max_wall checkpoint checkpoint_every resume "
+    "elements t_end revolutions rtol samples of max_step max_wall checkpoint checkpoint_every resume "
     f"{_SHOWN} backend",
 )
 def large_rotation(ctx: typer.Context) -> None:

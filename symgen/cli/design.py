@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,7 +19,7 @@ from symgen.cli.common import (
     show_study,
     told_on_interrupt,
 )
-from symgen.cli.request import analysis
+from symgen.cli.request import analysis, recording
 from symgen.errors import ModelError, SimulationError
 
 _DESIGN = "Design"
@@ -82,8 +83,8 @@ def _chart(task: Path, vary: str, plot: Path | None, page: Path | None, as_json:
 
 
 @analysis(
-    "symgen sweep slider_crank --vary a4=0in:30in:7 --outputs theta1.drive --out offsets.zarr",
-    "vary list_ sobol latin_hypercube random seed analysis of outputs reduce samples t_end chunk part "
+    "symgen sweep slider_crank --vary a4=0in:30in:7 --of theta1.drive --out offsets.zarr",
+    "vary list_ sobol latin_hypercube random seed analysis outputs reduce samples t_end chunk part "
     "threads processes dask dry_run set_ out plot page as_json backend",
     page=o.Page,
     vary=o.maybe(
@@ -100,10 +101,11 @@ def _chart(task: Path, vary: str, plot: Path | None, page: Path | None, as_json:
     random=o.maybe(int, "--random", "N", "Sample ranges by random numbers.", _DESIGN),
     seed=o.maybe(int, "--seed", "N", "Seed of the samples (0).", _DESIGN),
     analysis=o.maybe(str, "--analysis", "NAME", "Analysis of each run, such as simulate or periodic."),
-    of=o.names("--of", "Points, links or corners A.B.C that kinematics records; default: all that move."),
-    outputs=o.names("--outputs", "Outputs to keep; default: all."),
+    outputs=o.outputs_of("Outputs to keep, of kinematics also points, links or corners A.B.C; default: all."),
     reduce=o.names(
-        "--reduce", "Reductions: peak (default), greatest, least, range, mean, rms, final or history."
+        "--reduce",
+        "Reductions: peak (default), greatest, least, range, mean, rms, final or history. Results are named "
+        "after them, B.position.peak; those of history, and of equilibrium and modes, as the output.",
     ),
     chunk=o.maybe(int, "--chunk", "N", "Runs that are written at a time."),
     part=o.maybe(str, "--part", "I/N", "Only every N-th chunk from the I-th, for job arrays."),
@@ -148,13 +150,18 @@ def sweep(ctx: typer.Context) -> None:
         arguments["vary"] = of_options(vary)
     if kinds:
         arguments["sampling"], arguments["count"] = kinds[0]
-    names = ("seed", "analysis", "of", "outputs", "reduce", "samples", "t_end", "chunk")
+    names = ("seed", "analysis", "outputs", "reduce", "samples", "t_end", "chunk")
     arguments |= {name: params[name] for name in names if params[name] is not None}
     if "vary" not in arguments:
         raise ModelError("expected parameters to vary: --vary KEY=START:STOP:COUNT, or [sweep] in the scene")
     out, plot = params["out"], params["plot"]
-    model, arguments["vary"], units = varied(
-        scene, arguments["vary"], set=changes(params["set_"]), backend=params["backend"]
+    if params["outputs"]:
+        arguments.pop("of", None)  # of the scene's table
+    (model, arguments["vary"], units), _ = recording(
+        partial(varied, scene, arguments["vary"], backend=params["backend"]),
+        scene,
+        changes(params["set_"]),
+        params["outputs"],
     )
     arguments |= {"file": out, "part": _part(params["part"]), "threads": params["threads"]}
     if params["dry_run"]:

@@ -152,6 +152,11 @@ def names(option_name: str, help: str, kind: Any = list[str] | None, group: str 
     ]
 
 
+def outputs_of(help: str, kind: Any = list[str] | None) -> Any:
+    """Return the annotation of ``--of``, which selects outputs; ``--outputs`` has the same meaning."""
+    return Annotated[kind, option("--of", "--outputs", metavar="NAME,...", callback=separated, help=help)]
+
+
 def maybe(kind: Any, name: str, metavar: str, help: str, group: str = "Run", **more: Any) -> Any:
     """Return the annotation of an option that may be absent."""
     return Annotated[kind | None, option(name, metavar=metavar, help=help, group=group, **more)]
@@ -203,6 +208,14 @@ OF_ANALYSES: dict[str, Any] = {
         "linkage passes more than once is that of its first passage.",
     ),
     "samples": Samples,
+    "of": outputs_of("Outputs to record and print, such as B.position; default: those of the scene."),
+    "means": Annotated[
+        bool,
+        option(
+            "--means/--no-means",
+            help="Print mean and RMS over time, and work, for which the analysis is repeated.",
+        ),
+    ],
     "state": maybe(int, "--state", "N", "Assembly mode of a linkage at the start; 1 is the drawn one."),
     "through": Annotated[bool, option("--through", help="Continue past turning points of the input.")],
     "elements": maybe(int, "--elements", "N", "Number of elements per elastic link.", _ELASTIC),
@@ -310,6 +323,6 @@ OF_ANALYSES: dict[str, Any] = {
 #: Options of compilation, by their arguments.
 COMPILED = "backend precision digits contraction vector"
 DEFAULTS = {
-    "through": False, "stable": True, "moving": False, "as_json": False, "backend": "auto",
+    "through": False, "means": True, "stable": True, "moving": False, "as_json": False, "backend": "auto",
     "precision": "float64", "contraction": "off", "vector": "none",
 }  # fmt: skip

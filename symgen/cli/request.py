@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
-from functools import wraps
+from copy import copy
+from functools import partial, wraps
 from inspect import Parameter, Signature
 from typing import Any
 
@@ -12,14 +14,16 @@ import typer
 
 from symgen.cli.common import changes, command, console, print_json, progress_bar, saved_on_failure, wrote
 from symgen.cli.options import DEFAULTS, OF_ANALYSES
-from symgen.errors import ArgumentError, ModelError, OptionsError
+from symgen.errors import ArgumentError, ModelError, OptionsError, SceneError
 from symgen.methods import load, method_of, table_of
 
 #: Options that decide how kernels are compiled, and all others that are not arguments of an analysis.
 _TYPES = ("precision", "digits", "contraction", "vector")
 #: Options that select the content of a plot; without --plot they are refused.
 _OF_PLOTS = ("plot_of", "xy", "plot_over", "compare")
-_COMMON = ("scene", "set_", "out", "plot", "film", *_OF_PLOTS, "as_json", "backend", *_TYPES)
+_COMMON = ("scene", "set_", "means", "out", "plot", "film", *_OF_PLOTS, "as_json", "backend", *_TYPES)
+#: Analyses that record more outputs than the scene selects.
+_FURTHER = ("kinematics", "inverse_dynamics")
 #: Options that select a range, which ``--at`` replaces.
 _RANGE = ("samples", "start", "stop", "through")
 
@@ -57,6 +61,27 @@ def analysis(
     return declared
 
 
+def recording(
+    build: Callable[..., Any], scene: str, settings: Mapping[str, Any], of: Sequence[str] | None
+) -> tuple[Any, SceneError | None]:
+    """Return what ``build`` makes of a scene, with the outputs ``of``, if any, in place of its own.
+
+    Without those that the scene does not have, such as section forces; the error of the first is returned.
+    """
+    from symgen.pipeline.user_system import is_user_file
+
+    unknown, names = None, [] if is_user_file(scene) else list(of or ())
+    while names:
+        try:
+            return build(set={**settings, "analysis.outputs": names}), unknown
+        except SceneError as error:
+            unknown, index = unknown or error, re.fullmatch(r"analysis\.outputs\.(\d+)", error.where)
+            if not index:
+                break
+            del names[int(index[1])]
+    return build(set=settings), unknown
+
+
 class CommandRequest:
     """A command with the options given to it, and the model of its scene.
 
@@ -79,9 +104,11 @@ class CommandRequest:
         self.common = ctx.params
         self.as_json = bool(ctx.params.get("as_json"))
         compiled = {name: values[name] for name in ("backend", *_TYPES) if name in values}
-        self.model: Any = (build or build_selected)(
-            ctx.params["scene"], set=changes(ctx.params["set_"]), **compiled
-        )
+        scene, settings = ctx.params["scene"], changes(ctx.params["set_"])
+        of = self.options.get("of") if build is None else None
+        made = partial(build or build_selected, scene, **compiled)
+        model, self.unknown = recording(made, scene, settings, of)
+        self.model: Any = model
 
     def shown(self, names: Iterable[str]) -> str:
         """Return arguments as options of the command line."""
@@ -97,18 +124,29 @@ class CommandRequest:
         if path and (names or over):
             raise ModelError("give --xy, or --plot-of and --over, not both")
         stems = [file.stem for file in files or ()]
+        from symgen.runtime.model.verbs import accepted
+        from symgen.runtime.result.files import load_result
+
         others = {}
         for file in files or ():
-            from symgen.runtime.result.files import load_result
-
             others[str(file) if stems.count(file.stem) > 1 else file.stem] = load_result(file)
+        of, further = self.options.get("of"), verb in _FURTHER
+        if self.unknown and not further:
+            raise self.unknown
+        if of and "of" in accepted(self.model, verb):
+            further = False
+        else:
+            self.options.pop("of", None)
         with saved_on_failure(out):
             result = self.result(verb, **self.arguments(verb), **more)
+        if of and further:
+            result = result.selected(of)
         if out:
             result.save(out)
         if plot:
             result.plot(*(names or ()), file=plot, xy=path or "", over=over or "", compare=others)
-        self.show(verb, result)
+        # A copy is of no model, and has no means.
+        self.show(verb, copy(result) if self.common.get("means") is False else result)
         if film:
             result.animate(film)
         if not self.as_json:

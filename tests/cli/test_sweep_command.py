@@ -306,14 +306,22 @@ def test_the_page_has_extremes_and_a_plot_and_notes_are_of_what_is_there(scene, 
 
 def test_corners_are_recorded_by_of():
     """The transmission angle is least with the crank in line with the ground: rods of 30 cm on the coupler."""
-    kinematics = ["--analysis", "kinematics", "--of", "A.B.C", "--outputs", "A.B.C.transmission_angle"]
+    kinematics = ["--analysis", "kinematics", "--of", "A.B.C.transmission_angle"]
     line = ["crank_rocker", "--vary", "links.coupler.length=34 cm:36 cm:3", *kinematics, "--samples", 5]
     found = json.loads(command(*line, "--reduce", "least", "--json"))["outputs"]
     angle = found["A.B.C.transmission_angle.least"]
     assert angle["greatest"]["value"] == pytest.approx(math.acos(34 / (2 * 30)), rel=1e-12)
     assert angle["least"]["value"] == pytest.approx(math.acos(36 / (2 * 30)), rel=1e-12)
-    with pytest.raises(ModelError, match="of names points and links .* got a sweep of inverse dynamics"):
-        command(*line[:3], "--of", "A.B.C", "--outputs", "crank.torque")
+    assert [*found] == ["A.B.C.transmission_angle.least", "constraint_drift"]
+    of_all = ["--analysis", "kinematics", "--of", "A.B.C,rocker,B.position.x", "--json"]
+    names = {*json.loads(command(*line[:3], *of_all, "--samples", 5))["outputs"]}
+    assert names == {
+        *(f"A.B.C.{word}.peak" for word in ("angle", "transmission_angle")),
+        *(f"rocker.{word}.peak" for word in ("angle", "rate", "acceleration")),
+        *("B.position.x.peak", "constraint_drift"),
+    }
+    with pytest.raises(ModelError, match="the runs have no output 'A.B.C'"):
+        command(*line[:3], "--of", "A.B.C", "--of", "crank.torque")
 
 
 def test_histories_are_drawn_as_curves_and_paths_as_an_atlas(tmp_path):

@@ -12,7 +12,7 @@ import numpy as np
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.many.reductions import HISTORY, mean_weights, reduced, reductions
-from symgen.runtime.result.records import Coordinate, Variable, found, of_names, unknown
+from symgen.runtime.result.records import Coordinate, Variable, by_owner, found, unknown
 
 if TYPE_CHECKING:
     import xarray
@@ -149,18 +149,18 @@ def _drifts(drift: Mapping[str, Array]) -> tuple[Variable, ...]:
 
 
 def chosen(variables: tuple[Variable, ...], outputs: Sequence[str] | None) -> tuple[Variable, ...]:
-    """Return the variables of some names, or components of variables, all for None."""
+    """Return the variables of some names, components, or points and links; all for None."""
     if outputs is None:
         return variables
-    named = of_names(variables, outputs)
-    for name in outputs:
-        if name not in named:
+    named = by_owner(variables, outputs)
+    for name, outputs_of in named.items():
+        if not outputs_of:
             raise ModelError(
                 f"the runs have no output {name!r}. {unknown(name, variables)}\n"
                 "  Each analysis has its own: kinematics positions and angles, inverse_dynamics forces, "
                 "simulate those under [analysis] outputs."
             )
-    return tuple(named[name] for name in outputs)
+    return tuple({v.name: v for outputs_of in named.values() for v in outputs_of.values()}.values())
 
 
 def _reduced(reduce: Callable[..., Any], variable: Variable) -> Array:

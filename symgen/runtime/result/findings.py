@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +14,7 @@ from symgen.calls import checked
 from symgen.display import display
 from symgen.errors import CapabilityError, ResultError
 from symgen.runtime.arrays import Array
-from symgen.runtime.result.records import Coordinate, LocatedEvent, Variable
+from symgen.runtime.result.records import Coordinate, LocatedEvent, Variable, by_owner, unknown
 
 if TYPE_CHECKING:
     from symgen.runtime.linearisation.record import Sensitivity
@@ -91,6 +91,28 @@ class Findings:
             for v in self.variables
             if v.values.ndim == 1 and not v.name.endswith(".greatest_stress_at")
         }
+
+    def selected(self, names: Sequence[str]) -> Self:
+        """Return the result with some of its outputs alone.
+
+        Parameters
+        ----------
+        names
+            Outputs, components of outputs, or points and links, which stand for all of their outputs.
+
+        Raises
+        ------
+        ResultError
+            For names of which the result has no output.
+        """
+        found = by_owner(self.variables, names)
+        for name, outputs in found.items():
+            if not outputs:
+                raise ResultError(f"the result has no output {name!r}. {unknown(name, self.variables)}")
+        chosen = {key: v for outputs in found.values() for key, v in outputs.items()}
+        part: Self = replace(self, variables=tuple(chosen.values()))  # type: ignore[type-var]
+        part._cache.update((key, value) for key, value in self._cache.items() if key == "origin")
+        return part
 
     def averages(self, rtol: float = 1e-8) -> dict[str, Average]:
         """Return mean, root mean square and, of powers, work over time, by component of the outputs.

@@ -115,6 +115,21 @@ def of_names(variables: Iterable[Variable], names: Iterable[str]) -> dict[str, V
     return {name: v.component(c) if c else v for name, (v, c) in found(variables, names).items()}
 
 
+def by_owner(variables: Sequence[Variable], names: Iterable[str]) -> dict[str, dict[str, Variable]]:
+    """Return the outputs of each name, by their names: of a point, link or joint all, of others those known.
+
+    The outputs of B are B.position, B.velocity and so on.
+    """
+    names = tuple(names)
+    named = of_names(variables, names)
+    return {
+        name: {name: named[name]}
+        if name in named
+        else {v.name: v for v in variables if v.name.startswith(f"{name}.")}
+        for name in names
+    }
+
+
 def unknown(name: str, variables: Iterable[Variable], others: Iterable[str] = ()) -> str:
     """Return a hint on the name of an output that is not there: its components, or the nearest name."""
     known = {v.name: v for v in variables}

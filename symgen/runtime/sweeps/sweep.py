@@ -21,6 +21,7 @@ from symgen.runtime.many.dataset import Keep, arrays_of, chosen, dataset_of
 from symgen.runtime.many.poses import FLOQUET
 from symgen.runtime.many.reductions import reductions
 from symgen.runtime.many.runs import FAILURES, Runs, carried_out, variants
+from symgen.runtime.model.verbs import accepted
 from symgen.runtime.result.records import attributes_of
 from symgen.runtime.sweeps.designs import Design
 from symgen.runtime.sweeps.executors import Chunk, submitted
@@ -199,8 +200,23 @@ def sweep_of(
     getattr(model, verb)  # raises the reason where the model does not support it
     if not hasattr(model.description, "equations"):
         raise CapabilityError(f"{model.name} does not support sweeps")
+    if verb == "kinematics" and "of" not in arguments and "of" in accepted(model, verb):
+        arguments = {**arguments, **_of_owners(model.description, outputs or ())}
     names = None if verb in OF_A_POSE else reductions(reduce)
     return Sweep(model, verb, design, Keep(outputs, names), dict(arguments), threads)
+
+
+def _of_owners(d: Any, outputs: Sequence[str]) -> dict[str, list[str]]:
+    """Return the argument ``of`` of kinematics for outputs, if it needs one: points, links and corners."""
+    corners = {name: name.split(".")[:3] for name in outputs}
+    of = {
+        name: ".".join(corner) if len(corner) == 3 and {*corner} <= {*d.points} else corner[0]
+        for name, corner in corners.items()
+    }
+    known = {*d.points, *d.links}
+    owned = all(owner in known or "." in owner for owner in of.values())
+    further = any("." in owner or owner == name for name, owner in of.items())
+    return {"of": [*dict.fromkeys(of.values())]} if owned and further else {}
 
 
 def carry_out(
