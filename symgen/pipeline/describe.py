@@ -231,7 +231,7 @@ def _steady(linkage: Linkage) -> tuple[str, ...]:
     from symgen.scene.rods.linkage import TIME
 
     moved = {p.name: p.motion for p in linkage.points if p.ground}
-    moved |= {f"{d.link}_drive": (d.angle,) for d in linkage.drivers}
+    moved |= {d.row: (d.angle,) for d in linkage.drivers}
     return tuple(
         name
         for name, motion in moved.items()
@@ -243,7 +243,7 @@ def _prescribed(linkage: Linkage, rows: Sequence[str]) -> tuple[int, ...]:
     """Return the numbers of the constraints of drives, and of lengths that depend on the time."""
     from symgen.scene.rods.linkage import TIME
 
-    names = {f"{d.link}_drive" for d in linkage.drivers}
+    names = {d.row for d in linkage.drivers}
     names |= {k.name for k in linkage.links if TIME.symbol in k.length.free_symbols}
     return tuple(i for i, name in enumerate(rows) if name in names)
 

@@ -309,8 +309,8 @@ def test_time_counts_through_names():
         matrices={"constraints": sp.Matrix([sp.Symbol("y0", real=True) - turn.symbol])},
     )
     model = GeneralEquations(general_system_of(system, "own.py"))
-    (drive,) = model.drives()
-    assert drive[0] == "t"
+    (drive,) = model.drives
+    assert drive.name == "t"
     rate = model.by_time(model.constraints[0].expression)
     known = {d.quantity.symbol: d.expression for d in model.calculus.definitions}
     assert sp.simplify(rate.subs(known).subs(known) + 3 * sp.cos(3 * TIME.symbol)) == 0

@@ -16,9 +16,9 @@ from symgen.models.rods.constraints import Constraint
 from symgen.models.rods.linearised import analysis_of, linearised
 from symgen.models.rods.linkage import RodsModel
 from symgen.models.rods.matrix import named
-from symgen.models.rods.outputs import OF_LINKS, OF_THE_WHOLE
+from symgen.models.rods.outputs import OF_THE_WHOLE
 from symgen.scene.elastic.links import ElasticLink
-from symgen.scene.rods.linkage import TIME, Linkage, RigidLink
+from symgen.scene.rods.linkage import Linkage, RigidLink
 from symgen.symbolic.calculus import ZERO
 from symgen.symbolic.quantity import AXES
 from symgen.symbolic.system import Export, NamedMatrix, System
@@ -123,16 +123,16 @@ def _powers(model: RodsModel, linkage: Linkage) -> Iterator[NamedMatrix]:
 
 def _drives(model: RodsModel, linkage: Linkage) -> tuple[list[NamedMatrix], list[Export]]:
     """Return axes fixed in driven links, their slopes by the angles, speeds and torques of drives."""
-    if not linkage.drivers:
+    drives = model.angle_drives
+    if not drives:
         return [], []
-    names, axes, slopes = [d.link for d in linkage.drivers], list[sp.Expr](), list[sp.Expr]()
-    for driver in linkage.drivers:
-        frame = model.hinges[driver.link]
-        for vector in frame.rotated(driver.angle):
+    names, axes, slopes = [d.owner for d in drives], list[sp.Expr](), list[sp.Expr]()
+    for drive in drives:
+        frame = model.hinges[drive.owner]
+        for vector in frame.rotated(drive.value):
             axes += vector
             slopes += frame.slope(vector)
-    speeds = [sp.diff(d.angle, TIME.symbol) for d in linkage.drivers]
-    torques = [OF_LINKS["torque"](model, name)[0][0] for name in names]
+    speeds, torques = [d.rate for d in drives], [model.effort(d) for d in drives]
     matrices = [
         named(model, "driven_axes", axes, "1", "axes fixed in driven links", rows=names, columns=_FRAME),
         named(

@@ -89,7 +89,7 @@ def _elements(linkage: Linkage) -> list[_Element]:
     others = linkage.bodies, linkage.guides, linkage.gears, linkage.loads, linkage.welded_angles
     carried = [c.name for k in linkage.links for c in k.carried]
     loaded = {m.point for m in linkage.masses} & {*carried} or len({*carried}) < len(carried)
-    between = any(driver.against for driver in linkage.drivers)
+    between = any(len(driver.links) > 1 for driver in linkage.drivers)
     if any(others) or linkage.dimension != 2 or loaded or between:
         return []
     ground = {p.name for p in linkage.points if p.ground}

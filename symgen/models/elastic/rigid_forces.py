@@ -16,11 +16,10 @@ from symgen.loads.measure import PointForce
 from symgen.mechanics.rods.gear import turns
 from symgen.models.rods.linkage import REFERENCE, RodsModel
 from symgen.models.rods.matrix import named
-from symgen.models.rods.outputs import OF_LINKS, mesh_torque
+from symgen.models.rods.outputs import mesh_torque
 from symgen.models.rods.system import definitions, groups
 from symgen.scene.elastic.links import AREA_POWER, INERTIA_POWER
 from symgen.scene.rods.linkage import Linkage, RigidLink
-from symgen.scene.rods.rotations import Driver
 from symgen.symbolic.calculus import ZERO
 from symgen.symbolic.system import Export, NamedMatrix, System
 
@@ -88,11 +87,8 @@ def _by_multipliers(model: RodsModel) -> Iterator[tuple[str, sp.Expr]]:
     for guide in model.guides:
         push = model.multipliers[guide.constraint.name].symbol * model.linkage.link(guide.link).length
         yield f"guide {guide.link} {guide.point} -", -push
-    for i, pair in enumerate(model.linkage.gears):
-        yield f"gear {pair.links[0]} gears.{i} -", mesh_torque(model, pair)
-    for driver in model.linkage.drivers:
-        link, where, *_ = _acting(model, driver)
-        yield f"torque {link} {where} -", OF_LINKS["torque"](model, driver.link)[0][0]
+    for label, torque, _ in _torques(model):
+        yield f"{label} -", torque
 
 
 def _inertias(model: RodsModel) -> Iterator[NamedMatrix]:
@@ -178,28 +174,34 @@ def _constraints(model: RodsModel) -> Iterator[NamedMatrix]:
         "1", "normals of the lines of links on which points stay, to their left",
         rows=[f"{row.link} {row.point}" for row in guides], columns=model.axes,
     )  # fmt: skip
-    pairs = [turns(pair.links, pair.teeth, pair.carrier) for pair in model.linkage.gears]
-    geared = [k for k in model.linkage.links if any(k.name in factors for factors in pairs)]
+    torques = list(_torques(model))
+    acting = dict.fromkeys(place for _, _, shares in torques for place in shares)
     yield named(
-        model, "gears",
-        [sp.Rational(f.get(k.name, 0), next(iter(f.values()))) for k in geared for f in pairs],
-        "1", "torques of gears on links at points, over that on their first link",
-        rows=[f"{k.name} {_where(model, k, '')}" for k in geared],
-        columns=[f"{pair.links[0]} gears.{i}" for i, pair in enumerate(model.linkage.gears)],
+        model, "torques", [shares.get(place, ZERO) for place in acting for _, _, shares in torques],
+        "1", "torques of drives and gears on links at points, over that on their first link",
+        rows=[" ".join(place) for place in acting], columns=[label for label, _, _ in torques],
     )  # fmt: skip
-    drivers = model.linkage.drivers
+    drives = model.angle_drives
     yield named(
-        model, "driven_angles", [d.angle for d in drivers], "rad",
-        "prescribed directions of links, from those of others if named, with the points at which drives act",
-        rows=[" ".join(_acting(model, d)) for d in drivers],
+        model, "driven_angles", [d.value for d in drives], "rad",
+        "prescribed directions of links, from those of others if named", rows=[d.name for d in drives],
     )  # fmt: skip
 
 
-def _acting(model: RodsModel, driver: Driver) -> Iterator[str]:
-    """Yield the driven link and the point at which the drive acts on it, and those of the reaction."""
-    pair = driver.link, driver.against
-    for name, other in (pair, pair[::-1]) if driver.against else (pair,):
-        yield from (name, _where(model, model.linkage.link(name), other))
+def _torques(model: RodsModel) -> Iterator[tuple[str, sp.Expr, dict[tuple[str, str], sp.Expr]]]:
+    """Yield kind, first link and name of an unknown torque, its value, and its shares on links at points."""
+    for drive in model.angle_drives:
+        on, links = drive.torques, [*drive.torques]
+        pairs = zip(links, [*links[1:], *links[:-1]] if links[1:] else [""], strict=True)
+        shares = {
+            (k, _where(model, model.linkage.link(k), other)): on[k] / on[drive.owner] for k, other in pairs
+        }
+        yield f"torque {drive.owner} {drive.owner}.torque", model.effort(drive), shares
+    for i, pair in enumerate(model.linkage.gears):
+        factors, first = turns(pair.links, pair.teeth, pair.carrier), pair.links[0]
+        places = {k: _where(model, model.linkage.link(k), "") for k in factors}
+        shares = {(k, places[k]): sp.Rational(factors[k], factors[first]) for k in factors}
+        yield f"gear {first} gears.{i}", mesh_torque(model, pair), shares
 
 
 def _where(model: RodsModel, link: RigidLink, other: str) -> str:

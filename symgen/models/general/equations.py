@@ -7,7 +7,6 @@ and the rates of the constraints, the energies, the power, and the slopes of eve
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,6 +15,7 @@ import sympy as sp
 from symgen.errors import DerivationError, SceneError, nearest
 from symgen.models.general.checks import STATED, check, vanishes
 from symgen.models.rods.constraints import Constraint
+from symgen.models.rods.drives import Drive
 from symgen.models.rods.linkage import RodsModel
 from symgen.models.rods.points import Vector
 from symgen.scene.rods.linkage import TIME, Event, Linkage, StartConditions
@@ -222,10 +222,13 @@ class GeneralEquations(RodsModel):
         """Return the acceleration of a point [m/s^2]."""
         return tuple(self.second_rate(c) for c in self.position(point))
 
-    def drives(self) -> Iterator[tuple[str, sp.Expr, str, str]]:
-        """Yield the time, where a constraint depends on it."""
-        if any(self.by_time(c.expression) != 0 for c in self.constraints):
-            yield TIME.name, TIME.symbol, TIME.unit, TIME.description
+    @cached_property
+    def drives(self) -> tuple[Drive, ...]:
+        """The time, where a constraint depends on it."""
+        driven = any(self.by_time(c.expression) != 0 for c in self.constraints)
+        t = TIME
+        time = Drive(owner="", name=t.name, value=t.symbol, unit=t.unit, about=t.description)
+        return (time,) if driven else ()
 
     def own_output(self, name: str) -> Entries | None:
         """Return scalars, unit and description of an output of the System; None for points and energies.

@@ -15,6 +15,7 @@ from symgen.loads.measure import PointForce
 from symgen.mechanics.rods.momentum import OpenTree, Particle, open_tree, particles, transverse
 from symgen.mechanics.rods.particles import Vector
 from symgen.models.momentum.cuts import Cut, check_open
+from symgen.models.rods.constraints import AngleRow
 from symgen.models.rods.linkage import RodsModel
 from symgen.scene.rods.linkage import CarriedPoint, RigidLink
 from symgen.symbolic.calculus import ONE, ZERO
@@ -175,21 +176,15 @@ class Outboard:
                     yield transverse(couple, self.model.along[body], self.link[body].length), None
                 elif against not in inside:
                     yield couple, None
-        for row in self.model.turned:
-            (link, across), *others = row.by_along.items()
-            sign = (link in inside) - sum(k in inside for k, _ in others)
-            if sign:
-                unknown = self.model.multipliers[row.constraint.name].symbol
-                if len(across) == 2:
-                    yield (-sign * self.link[link].length,), unknown
-                else:
-                    yield cross(across, self.model.along[link]), unknown
-        for row in self.model.gears:
-            arms = (
-                cross_in_plane(self.model.along[k], across)
-                for k, across in row.by_along.items()
-                if k in inside
-            )
-            couple = sp.Add(*arms)
-            if couple != 0:
-                yield (-couple,), self.model.multipliers[row.constraint.name].symbol
+        for row in (*self.model.turned, *self.model.gears):
+            torques = [self._torque(row, k) for k in row.by_along if k in inside]
+            couple = tuple(sp.Add(*c) for c in zip(*torques, strict=True))
+            if any(couple):
+                yield couple, self.model.multipliers[row.constraint.name].symbol
+
+    def _torque(self, row: AngleRow, link: str) -> Vector:
+        """Return the couple of a row on a link over its multiplier."""
+        if link in row.torques:
+            return (row.torques[link],)
+        along, across = self.model.along[link], row.by_along[link]
+        return (-cross_in_plane(along, across),) if len(along) == 2 else cross(across, along)

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 import sympy as sp
 
-from symgen.mechanics.rods import drive
 from symgen.mechanics.rods.across import named_vector, vectors_across
 from symgen.mechanics.rods.gear import mesh_change, mesh_error, mesh_slopes, turns
 from symgen.mechanics.rods.loads import vector_between
 from symgen.mechanics.rods.particles import Vector, length_constraint
+from symgen.models.rods.drives import AngleDrive, Drive, angle_drive, other_drives
 from symgen.models.rods.loads import Loads
 from symgen.models.rods.points import Points, bar_name
 from symgen.scene.rods.linkage import Linkage, RigidLink
@@ -241,36 +241,27 @@ def _constrained_components(model: Points, start: str, end: str) -> list[int]:
 class AngleRow:
     """A row on directions of links, with its derivatives by the vectors along them, or the arms of bodies.
 
-    ``ends`` are the parts with which base points count in the arms of bodies.
+    ``ends`` are the parts with which base points count in the arms of bodies. ``torques`` of the row on links
+    in the plane, over its multiplier [m], are stated where they are simpler than those of the derivatives.
     """
 
     constraint: Constraint
     by_along: dict[str, Vector]
-    ends: dict[str, dict[str, sp.Expr]] = field(default_factory=dict)
+    ends: Mapping[str, Mapping[str, sp.Expr]] = field(default_factory=dict)
+    torques: Mapping[str, sp.Expr] = field(default_factory=dict)
 
 
-def turning_rows(model: Points) -> Iterator[AngleRow]:
-    """n.d = 0 with n across the prescribed direction of a link; a.d = a.d0 of a revolute joint in space.
-
-    The driven link is the first of ``by_along``.
-    """
-    rods = [hinge for hinge in model.linkage.hinges if model.linkage.body(hinge.link) is None]
-    for hinge in rods:  # a body has two points on its axis
-        hinge_frame, label = model.hinges[hinge.link], f"the revolute joint of {hinge.link} at {hinge.point}"
-        row = Constraint(f"{hinge.link}_hinge", label, hinge_frame.error(model.along[hinge.link]), ONE, "m")
-        yield AngleRow(row, {hinge.link: hinge_frame.axis})
-    for driver in model.linkage.drivers:
-        name, other = driver.link, driver.against
-        across = drive.across(driver.angle, *model.reference(driver))
-        row = Constraint(f"{name}_drive", f"the drive of link {name}", dot(across, model.arm(name)), ONE, "m")
-        slopes, body = {name: across}, model.linkage.body(name)
-        ends = {name: model.arm_ends(body)} if body else {}
-        if carrier := model.linkage.body(other):
-            slopes[other] = model.arm(name)
-            ends[other] = model.fixed(carrier, model.hinges[name].tangent(driver.angle))
-        elif other:
-            slopes[other] = drive.by_other(driver.angle, model.along[name], model.reach(other))
-        yield AngleRow(row, slopes, ends)
+def turning_rows(model: ConstrainedPoints) -> Iterator[AngleRow]:
+    """a.d = a.d0 of a revolute joint of a rod in space, and the rows of drives of angles."""
+    points = {hinge.link: hinge.point for hinge in model.linkage.hinges}
+    for link, frame in model.hinges.items():  # a body has two points on its axis
+        label = f"the revolute joint of {link} at {points[link]}"
+        row = Constraint(f"{link}_hinge", label, frame.error(model.along[link]), ONE, "m")
+        yield AngleRow(row, {link: frame.axis})
+    for drive in model.angle_drives:
+        label, across = f"the drive of link {drive.owner}", drive.across
+        row = Constraint(drive.row, label, dot(across, drive.arm), ONE, "m")
+        yield AngleRow(row, {drive.owner: across, **drive.slopes}, drive.ends, drive.torques)
 
 
 def angle_rows(model: Points) -> Iterator[AngleRow]:
@@ -371,6 +362,16 @@ class ConstrainedPoints(Points):
             for guide in self.linkage.guides
             if len(guide.points) > 1 and any(points.issuperset(guide.points) for points in bodies)
         ]
+
+    @cached_property
+    def angle_drives(self) -> tuple[AngleDrive, ...]:
+        """The drives of the angles of links."""
+        return tuple(angle_drive(self, driver) for driver in self.linkage.drivers)
+
+    @cached_property
+    def drives(self) -> tuple[Drive, ...]:
+        """All that is prescribed as a function of time."""
+        return (*self.angle_drives, *other_drives(self))
 
     @cached_property
     def turned(self) -> tuple[AngleRow, ...]:

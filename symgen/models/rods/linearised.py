@@ -51,11 +51,11 @@ def kinematics_system(linkage: Linkage) -> System:
 
 def driven_motion(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
     """Return the matrices that follow a driven linkage, besides those of ``constraints``, and the kernels."""
-    matrices, exports = list(drives(model)), []
+    matrices, exports = [named(model, d.name, [d.value], d.unit, d.about) for d in model.drives], []
     if matrices:
         about = "prescribed angles, lengths and places"
         exports.append(Export("drives", about, tuple(m.name for m in matrices)))
-    driven = ((d.angle, *model.driven(d)) for d in model.linkage.drivers)
+    driven = ((d.value, *d.components) for d in model.angle_drives)
     if along := [sp.cos(angle) * x + sp.sin(angle) * y for angle, x, y in driven]:
         about = "components of driven links along their prescribed directions: negative half a turn off"
         matrices.append(named(model, "along_drives", along, "m", about))
@@ -178,12 +178,6 @@ def analysis_of(
         references=(REFERENCE,),
         sources=sources,
     )
-
-
-def drives(model: RodsModel) -> Iterator[NamedMatrix]:
-    """Yield the prescribed angles, lengths and positions as functions of time."""
-    for name, value, unit, about in model.drives():
-        yield named(model, name, [value], unit, about)
 
 
 def stiffness_row(model: RodsModel, row: sp.Symbol, bound: Sequence[Constraint]) -> Gradient:

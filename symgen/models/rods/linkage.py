@@ -6,8 +6,7 @@ form [M J^T; J 0] [a; lambda] = [f; gamma] with the middle particle of each rod 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from functools import cached_property
 
 import sympy as sp
@@ -16,39 +15,13 @@ from symgen.errors import SceneError
 from symgen.loads.measure import Gradient
 from symgen.mechanics.rods.particles import Vector, end_mass
 from symgen.models.rods.constraints import ConstrainedPoints
+from symgen.models.rods.drives import Drive
 from symgen.models.rods.joint_forces import JointForces
 from symgen.scene.rods.linkage import TIME, RigidLink
 from symgen.symbolic.calculus import ONE, ZERO, chained, partial
 from symgen.symbolic.constants import vanishes
 from symgen.symbolic.quantity import Entries, Quantity
 from symgen.symbolic.vectors import cross, cross_in_plane, dot
-
-
-@dataclass(frozen=True, slots=True)
-class Drive:
-    """A drive: its torque [N m] or force [N] on the linkage, and the rate [rad/s or m/s] that it prescribes.
-
-    ``length`` [m] is prescribed by drives of lengths; None for those that rotate a link, ``about`` an axis.
-    """
-
-    effort: sp.Expr
-    rate: sp.Expr
-    length: sp.Expr | None = None
-    about: str = ""
-
-    def outputs(self, name: str) -> dict[str, Entries]:
-        """Return the outputs of the link with this name by word."""
-        power: Entries = [self.effort * self.rate], "W", f"power of the drive of {name}"
-        if self.length is None:
-            torque: Entries = [self.effort], "N*m", f"torque of the drive on {name}{self.about}"
-            return {"torque": torque, "power": power}
-        return {
-            "force": ([self.effort], "N", f"force of {name}, positive where it pushes its ends apart"),
-            "length": ([self.length], "m", f"driven length of {name}"),
-            "length_rate": ([self.rate], "m/s", f"rate of the driven length of {name}"),
-            "power": power,
-        }
-
 
 REFERENCE = "H. A. Attia, Dynamic Analysis of a Chain of Rigid Rods, sections 2.1 to 2.3"
 
@@ -210,35 +183,30 @@ class RodsModel(ConstrainedPoints):
             terms.append(dot(tuple(velocity), self.residual(point)) if any(velocity) else ZERO)
         return sp.Add(*terms)
 
-    def _drives(self) -> Iterator[tuple[str, Drive]]:
-        """Yield the drives, each after the link that it rotates, or whose length it prescribes."""
-        for of in self.linkage.drivers:
-            hinge = self.hinges.get(of.link)
-            arm = hinge.arm if hinge else self.linkage.link(of.link).length
-            about = f" from {of.against}" if of.against else ""
-            about += " about its axis" if hinge else ", counter-clockwise"
-            torque = -self.multipliers[f"{of.link}_drive"].symbol * arm
-            yield of.link, Drive(torque, partial(of.angle, TIME.symbol), about=about)
-        for rod in self.rods:
-            rate = partial(rod.length, TIME.symbol)
-            if rate != 0:
-                yield rod.name, Drive(-self.tension(rod), rate, rod.length)
+    def effort(self, drive: Drive) -> sp.Expr:
+        """Return the torque [N m] or force [N] of a drive with a constraint on the linkage."""
+        return -(self._row_force(drive.row) * drive.lever)
 
     @cached_property
     def outputs_of_drives(self) -> dict[str, dict[str, Entries]]:
         """Outputs of drives by link and word; of a link with two drives the power is that of both."""
         known: dict[str, dict[str, Entries]] = {}
-        for link, drive in self._drives():
-            outputs, others = drive.outputs(link), known.setdefault(link, {})
+        for drive in (drive for drive in self.drives if drive.row):
+            outputs, others = drive.outputs(self.effort(drive)), known.setdefault(drive.owner, {})
             if "power" in others:
                 (first,), (second,) = others["power"][0], outputs["power"][0]
-                outputs["power"] = [first + second], "W", f"power of the drives of {link}"
+                outputs["power"] = [first + second], "W", f"power of the drives of {drive.owner}"
             others.update(outputs)
         return known
 
     def tension(self, rod: RigidLink) -> sp.Expr:
         """Return the force of the length constraint of a rod, tension positive [N]."""
-        return (self.multipliers[rod.name].symbol + self.joint_forces.tension(rod)) * rod.length
+        return self._row_force(rod.name) * rod.length
+
+    def _row_force(self, name: str) -> sp.Expr:
+        """Return the multiplier of a row; of a rod with what bodies on two of its points leave to it."""
+        rod, multiplier = self.rod(name), self.multipliers[name].symbol
+        return multiplier + self.joint_forces.tension(rod) if rod else multiplier
 
     @cached_property
     def jacobian(self) -> list[Gradient]:
@@ -363,18 +331,6 @@ class RodsModel(ConstrainedPoints):
         """
         evened = self.joint_forces.by_ground(point) if self.linkage.bodies else (ZERO,) * len(self.axes)
         return tuple(sp.Add(*c) for c in zip(self.residual(point), evened, strict=True))
-
-    def drives(self) -> Iterator[tuple[str, sp.Expr, str, str]]:
-        """Yield what is prescribed as a function of time: its name, value, unit and description."""
-        for driver in self.linkage.drivers:
-            yield driver.output, driver.angle, "rad", f"driven angle of {driver.link}"
-        for rod in self.rods:
-            if TIME.symbol in rod.length.free_symbols:
-                yield f"{rod.name}.length", rod.length, "m", f"driven length of {rod.name}"
-        for name in self.ground:
-            for axis, place in zip(self.axes, self.linkage.point(name).motion, strict=True):
-                if TIME.symbol in place.free_symbols:
-                    yield f"{name}.{axis}", place, "m", f"driven {axis} of {name}"
 
     def own_output(self, name: str) -> Entries | None:
         """Return scalars, unit and description of an output of no point or link; None for others."""

@@ -13,7 +13,6 @@ from symgen.models.rods.matrix import named
 from symgen.scene.rods.linkage import TIME
 from symgen.scene.rods.rotations import GearPair
 from symgen.symbolic.calculus import ZERO
-from symgen.symbolic.calculus import partial as derivative
 from symgen.symbolic.quantity import Entries, parted, resolved
 from symgen.symbolic.system import NamedMatrix
 from symgen.symbolic.vectors import cross, cross_in_plane, dot
@@ -61,14 +60,14 @@ def _moment(
 
 def _angle(model: RodsModel, name: str) -> Entries:
     if len(model.shown_axes) == 3:
-        driven = [d.angle for d in model.linkage.drivers if d.link == name and not d.against]
-        if not driven:
+        known = model.outputs_of_drives.get(name, {})
+        if "angle" not in known:
             raise SceneError(
                 f"in space only a link that is driven against the ground has an angle, got {name}.angle",
                 hint=f"Record {name}.angular_velocity, {name}.relative_angle of a drive between links, "
                 "or the angle A.B.C between the lines of three points.",
             )
-        return driven, "rad", f"rotation of {name} about its joint, from the drawing"
+        return known["angle"]
     d = model.along[name]
     return [sp.atan2(d[1], d[0])], "rad", f"direction of {name}"
 
@@ -94,22 +93,22 @@ def _angular_acceleration(model: RodsModel, name: str) -> Entries:
 
 def _speed_ratio(model: RodsModel, name: str) -> Entries:
     """Return the rate of a link over that of the drive, which must be constant and so cannot vanish."""
-    drivers = model.linkage.drivers
-    if len(drivers) != 1 or len(model.axes) != 2 or drivers[0].against:
-        among = ", one against another link" if any(d.against for d in drivers) else ""
+    drives = model.angle_drives
+    if len(drives) != 1 or len(model.axes) != 2 or len(drives[0].driver.links) > 1:
+        among = ", one against another link" if any(len(d.driver.links) > 1 for d in drives) else ""
         raise SceneError(
             "a speed ratio needs a planar linkage with one link driven against the ground, got "
-            + ("a linkage in space" if len(model.axes) != 2 else f"{len(drivers)} driven links{among}"),
+            + ("a linkage in space" if len(model.axes) != 2 else f"{len(drives)} driven links{among}"),
             hint="Record angular_velocity.",
         )
-    driven = derivative(drivers[0].angle, TIME.symbol)
+    driven, link = drives[0].rate, drives[0].owner
     if driven == 0 or TIME.symbol in driven.free_symbols:
         raise SceneError(
-            f"a speed ratio needs a drive at constant speed, got the angle {drivers[0].angle}",
-            hint=f'Write angle = "speed*t" for {drivers[0].link}: the ratio does not depend on the speed.',
+            f"a speed ratio needs a drive at constant speed, got the angle {drives[0].value}",
+            hint=f'Write angle = "speed*t" for {link}: the ratio does not depend on the speed.',
         )
     rate, _, _ = _angular_velocity(model, name)
-    return [rate[0] / driven], "1", f"angular velocity of {name} over that of {drivers[0].link}"
+    return [rate[0] / driven], "1", f"angular velocity of {name} over that of {link}"
 
 
 def _across_and_along(model: RodsModel, first: str, vertex: str, second: str) -> tuple[sp.Expr, sp.Expr]:
@@ -142,36 +141,12 @@ def _force(model: RodsModel, link: str, point: str) -> Entries:
     return force, "N", f"force on {link} at {point} from joined components"
 
 
-def _torque(model: RodsModel, name: str) -> Entries:
-    known = model.outputs_of_drives.get(name, {})
-    if "torque" not in known:
-        raise SceneError(
-            f"{name} has no driver, so no drive torque",
-            hint=f"Remove {name}.torque from the outputs, as --set analysis.outputs=none does with all; "
-            "applied torques are outputs by their number from 0, such as torques.0.torque.",
-        )
-    return known["torque"]
-
-
-def _of_drive(model: RodsModel, name: str, word: str) -> Entries:
+def _of_drive(word: str, model: RodsModel, name: str) -> Entries:
     known = model.outputs_of_drives.get(name, {})
     if word not in known:
-        raise SceneError(
-            f"{name} has no {'driver and no ' if word == 'power' else ''}driven length, so no {word}",
-            hint="Those of loads are outputs by their number from 0, such as springs.0.length and "
-            "actuators.0.power; LINK.tension is the force of any rod.",
-        )
+        lacking, hint = OF_DRIVES[word]
+        raise SceneError(f"{name} {lacking}", hint=hint.format(name=name))
     return known[word]
-
-
-def _relative_angle(model: RodsModel, name: str) -> Entries:
-    for driver in model.linkage.drivers:
-        if driver.link == name and driver.against:
-            return [driver.angle], "rad", f"driven angle of {name} from {driver.against}"
-    raise SceneError(
-        f"{name} is driven against no other link: it has no relative angle",
-        hint=f"Record {name}.angle, or the angle A.B.C between the lines of three points.",
-    )
 
 
 def _power_of_ground(model: RodsModel, name: str) -> Entries:
@@ -219,15 +194,34 @@ OF_POINTS: dict[str, Callable[[RodsModel, str], Entries]] = {
 OF_RIGID_POINTS = ("power", "shaking_moment")
 OF_LINKS: dict[str, Callable[[RodsModel, str], Entries]] = {
     "tension": _tension,
-    "torque": _torque,
+    "torque": partial(_of_drive, "torque"),
     "angle": _angle,
-    "relative_angle": _relative_angle,
+    "relative_angle": partial(_of_drive, "relative_angle"),
     "angular_velocity": _angular_velocity,
     "angular_acceleration": _angular_acceleration,
     "speed_ratio": _speed_ratio,
 }
-#: Outputs of a link that is driven.
-OF_DRIVES = ("power", "force", "length", "length_rate")
+_OF_LENGTHS = (
+    "Those of loads are outputs by their number from 0, such as springs.0.length and actuators.0.power; "
+    "LINK.tension is the force of any rod."
+)
+#: Outputs of a link that is driven: what to say of one that lacks it, and what to do.
+OF_DRIVES = {
+    "torque": (
+        "has no driver, so no drive torque",
+        "Remove {name}.torque from the outputs, as --set analysis.outputs=none does with all; applied "
+        "torques are outputs by their number from 0, such as torques.0.torque.",
+    ),
+    "relative_angle": (
+        "is driven against no other link: it has no relative angle",
+        "Record {name}.angle, or the angle A.B.C between the lines of three points.",
+    ),
+    "power": ("has no driver and no driven length, so no power", _OF_LENGTHS),
+    **{
+        word: (f"has no driven length, so no {word}", _OF_LENGTHS)
+        for word in ("force", "length", "length_rate")
+    },
+}
 #: Outputs of a corner: a point between two others.
 OF_CORNERS: dict[str, Callable[..., Entries]] = {
     "angle": _angle_at,
@@ -383,8 +377,8 @@ def _entries(model: RodsModel, name: str) -> Entries:
     links = {k.name: [*k.base, *(c.name for c in k.carried)] for k in model.parts}
     if word in OF_LINKS and owner in links:
         return OF_LINKS[word](model, owner)
-    if word in OF_DRIVES and owner in links and rigid:
-        return _of_drive(model, owner, word)
+    if owner in links and rigid and (word in OF_DRIVES or word in model.outputs_of_drives.get(owner, ())):
+        return _of_drive(word, model, owner)
     corner = owner.split(".")
     if word in OF_CORNERS and len(set(corner)) == len(corner) == 3 and set(corner) <= set(model.points):
         return OF_CORNERS[word](model, *corner)

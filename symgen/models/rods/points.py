@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import sympy as sp
 
-from symgen.errors import SceneError
 from symgen.loads.measure import Gradient
-from symgen.mechanics.rods import drive, loads
+from symgen.mechanics.rods import loads
 from symgen.mechanics.rods.hinge import HingeFrame, hinge_frame
 from symgen.mechanics.rods.particles import Vector, end_mass, joint_mass
 from symgen.mechanics.rods.topology import Tree, spanning_tree
 from symgen.scene.rods.linkage import TIME, Bar, CarriedPoint, Linkage, RigidLink, SpatialBody, WeightedPoint
-from symgen.scene.rods.rotations import Driver, Hinge
-from symgen.symbolic.calculus import ONE, ZERO, Calculus, partial
+from symgen.symbolic.calculus import ZERO, Calculus, partial
 from symgen.symbolic.constants import Replacement
 from symgen.symbolic.quantity import Quantity, quantity
 from symgen.symbolic.vectors import cross, cross_in_plane, dot
@@ -192,92 +190,24 @@ class Points:
 
     @cached_property
     def hinges(self) -> dict[str, HingeFrame]:
-        """Frame of the revolute joint of each link in space that has one, as drawn."""
-        return {hinge.link: hinge_frame(hinge.axis, self._drawn_arm(hinge)) for hinge in self.linkage.hinges}
+        """Frame of the revolute joint of each rod in space that has one, as drawn."""
+        rods = [hinge for hinge in self.linkage.hinges if self.linkage.body(hinge.link) is None]
+        ends = {hinge.link: self.linkage.link(hinge.link).base for hinge in rods}
+        return {h.link: hinge_frame(h.axis, self.drawn_from(*ends[h.link])) for h in rods}
 
-    def _drawn_arm(self, hinge: Hinge) -> Vector:
-        body = self.linkage.body(hinge.link)
-        if body is None:
-            return self._drawn_from(*self.linkage.link(hinge.link).base)
-        if hinge.against:
-            return self._drawn_from(hinge.point, self._farthest(body.base, hinge.point, hinge.axis))
-        return self._at_ends(self.arm_ends(body), lambda p: self.linkage.point(p).at)
-
-    def _drawn_from(self, start: str, end: str) -> Vector:
+    def drawn_from(self, start: str, end: str) -> Vector:
+        """Return the vector between two points as drawn [m]."""
         places = (self.linkage.point(p).at for p in (start, end))
         return tuple(b - a for a, b in zip(*places, strict=True))
 
-    def _farthest(self, points: Sequence[str], start: str, axis: Vector) -> str:
+    def farthest(self, points: Sequence[str], start: str, axis: Vector) -> str:
         """Return the point that is drawn farthest from an axis through a point."""
 
         def distance(point: str) -> float:
-            moment = cross(axis, self._drawn_from(start, point))
+            moment = cross(axis, self.drawn_from(start, point))
             return self.linkage.number(dot(moment, moment))
 
         return max(points, key=distance)
-
-    def reach(self, link: str) -> sp.Expr:
-        """Return the present length of a link [m]; that of one between ground points follows their motion."""
-        d = self.along[link]
-        return sp.sqrt(dot(d, d)) if link in self.idle else self.linkage.link(link).length
-
-    def reference(self, driver: Driver) -> tuple[Vector, Vector]:
-        """Return the unit vectors along which a driven arm is at the angle zero, and a quarter turn on."""
-        frame, body = self.hinges.get(driver.link), self.linkage.body(driver.against)
-        if frame and body:
-            of_body = (self.fixed(body, v) for v in (frame.across, frame.third))
-            x, y = (self._at_ends(ends, self.position) for ends in of_body)
-            return x, y
-        if frame:
-            return frame.across, frame.third
-        if driver.against:
-            return drive.along_and_left(self.along[driver.against], self.reach(driver.against))
-        return (ONE, ZERO), (ZERO, ONE)
-
-    def driven(self, driver: Driver) -> tuple[sp.Expr, sp.Expr]:
-        """Return the components of a driven arm by the vectors of its reference [m]."""
-        x, y = (dot(self.arm(driver.link), v) for v in self.reference(driver))
-        return x, y
-
-    def arm(self, link: str) -> Vector:
-        """Return the vector by which a drive rotates a link [m], along a rod or across the axis of a body."""
-        body = self.linkage.body(link)
-        return self._at_ends(self.arm_ends(body), self.position) if body else self.along[link]
-
-    def _at_ends(self, ends: Mapping[str, sp.Expr], place: Callable[[str], Vector]) -> Vector:
-        places = [(part, place(point)) for point, part in ends.items()]
-        return tuple(sp.Add(*(part * there[i] for part, there in places)) for i in range(len(self.axes)))
-
-    def fixed(self, body: SpatialBody, drawn: Vector) -> dict[str, sp.Expr]:
-        """Return the parts with which base points count in a vector that is fixed in a body, as drawn."""
-        first, *others = body.base
-        edges = [self._drawn_from(first, p) for p in others]
-        parts = [
-            sp.Add(*(w * dot(e, drawn) for w, e in zip(row, edges, strict=True))) for row in body.inverse
-        ]
-        return {first: -sp.Add(*parts)} | dict(zip(others, parts, strict=True))
-
-    def arm_ends(self, body: SpatialBody) -> dict[str, sp.Expr]:
-        """Return the parts with which base points count in the arm of a body.
-
-        It runs to a base point from its foot on the axis, which two ground points place: the force of a drive
-        is then a couple about the axis alone. Where a body is driven against another one, it is fixed in it.
-        """
-        if any(hinge.link == body.name and hinge.against for hinge in self.linkage.hinges):
-            frame = self.hinges[body.name]
-            return self.fixed(body, tuple(frame.arm * c for c in frame.across))
-        grounded = [p for p in body.base if p in self.ground]
-        if len(grounded) < 2:
-            raise SceneError(
-                f"the ground points of {body.name} are too near each other for an axis",
-                where=f"links.{body.name}.points",
-                hint="Move them apart, or write [[joints]] with one of them and the direction of the axis.",
-            )
-        first, second = grounded[:2]
-        axis = self._drawn_from(first, second)
-        end = self._farthest([p for p in body.base if p not in grounded], first, axis)
-        along = dot(self._drawn_from(first, end), axis) / dot(axis, axis)
-        return {first: along - 1, second: -along, end: sp.Integer(1)}
 
     def vector_along(self, link: str) -> Vector:
         """Return the vector along one link, which other links may need before theirs [m]."""

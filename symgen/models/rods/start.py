@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from symgen.loads.measure import Gradient
+from symgen.models.rods.drives import angle_drive
 from symgen.models.rods.matrix import named, sparse
 from symgen.scene.rods.linkage import TIME
 from symgen.scene.rods.rotations import Driver
@@ -111,9 +112,9 @@ def _assembly(model: RodsModel) -> list[NamedMatrix]:
     s = model.u[model.free[0]][0].symbol
     _ = model.along, model.constraints  # their definitions must be known in the drawn pose
     drawn, constants = _as_drawn(model), model.linkage.constants
-    angles = [Driver(link, angle) for link, angle in model.linkage.start.angles]
-    angles += model.linkage.drivers
-    driven = {f"{d.link}_drive" for d in angles}
+    angles = [angle_drive(model, Driver(link, angle)) for link, angle in model.linkage.start.angles]
+    angles += model.angle_drives
+    driven = {d.row for d in angles}
     residuals, rows = [], []
     for constraint in model.constraints:
         if constraint.name not in driven:
@@ -121,13 +122,13 @@ def _assembly(model: RodsModel) -> list[NamedMatrix]:
             residuals.append(error - (1 - s) * error.xreplace(drawn))
             rows.append(constraint.name)
     for angled in angles:
-        (x, y), angle = model.driven(angled), angled.angle
+        (x, y), angle = angled.components, angled.value
         drawn_x, drawn_y = _direction(*(_written(c.xreplace(drawn).xreplace(constants)) for c in (x, y)))
         c, d = sp.cos(angle), sp.sin(angle)
         turn = _angle(c * drawn_x + d * drawn_y, d * drawn_x - c * drawn_y)
         now = _angle(drawn_x, drawn_y) + s * turn
         residuals.append(y * sp.cos(now) - x * sp.sin(now))
-        rows.append(f"{angled.link} {f'against {angled.against} ' if angled.against else ''}angle")
+        rows.append(f"{' against '.join(angled.driver.links)} angle")
     for part in _floating(model):
         for axis, places in zip(model.axes, zip(*map(model.position, part), strict=True), strict=True):
             mean = sp.Add(*places) / len(part)

@@ -266,7 +266,7 @@ def _driver(letters: Letters, linkage: Linkage, number: int) -> Driver:
     of_crank = crank is not None and driver.link == crank.link
     units, name = ("rad", "rad/s"), driver.link
     places = ("crank.angle", "crank.speed") if of_crank else (f"drivers.{number}.angle", "")
-    about = f"angle of link {name}" + (f" from {driver.against}" if driver.against else "")
+    about = f"angle of link {' from '.join(driver.links)}"
     angle = motion_of(letters, driver.angle, name, units, about, *places)
     return replace(driver, angle=angle)
 

@@ -47,7 +47,7 @@ def _joined(linkage: Linkage) -> list[set[str]]:
     sets = [set(points) for points in of_link.values()]
     sets += [{*guide.points, *of_link[guide.along]} for guide in linkage.guides]
     sets += [set[str]().union(*(of_link[k] for k in (*g.links, g.carrier) if k)) for g in linkage.gears]
-    sets += [of_link[d.link] | of_link[d.against] for d in linkage.drivers if d.against]
+    sets += [set[str]().union(*(of_link[k] for k in d.links)) for d in linkage.drivers]
     ground = {p.name for p in linkage.points if p.ground}
     sets += [ground, *({m.point} for m in linkage.masses)]
     for measure in (m for load in linkage.loads for m in load.measures(len(linkage.axes)) if m.joins):

@@ -46,6 +46,16 @@ class Driver:
     against: str = ""
 
     @property
+    def links(self) -> tuple[str, ...]:
+        """The driven link, and the one from which its angle is."""
+        return tuple(filter(None, (self.link, self.against)))
+
+    @property
+    def row(self) -> str:
+        """Name of its constraint."""
+        return f"{self.link}_drive"
+
+    @property
     def output(self) -> str:
         """Name of the output that is the prescribed angle."""
         return f"{self.link}.{'relative_angle' if self.against else 'angle'}"

@@ -67,10 +67,9 @@ def driving(loads: Evaluator, times: Array) -> dict[str, Array]:
     return dict(zip(names_of_drives(loads), values.T, strict=True))
 
 
-def names_of_drives(loads: Evaluator) -> list[str]:
+def names_of_drives(loads: Evaluator) -> tuple[str, ...]:
     """Return the names of the outputs that are the angles of drives, against the ground or another link."""
-    rows = (row.split(" ") for row in loads.info("driven_angles").blocks[0].rows)
-    return [f"{link}.{'relative_angle' if other else 'angle'}" for link, _, *other in rows]
+    return loads.info("driven_angles").blocks[0].rows
 
 
 def analyse(

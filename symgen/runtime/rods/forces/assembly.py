@@ -30,7 +30,7 @@ RANK = 1e-9
 class Unknown:
     """One or two unknown forces: ``kind`` is force, guide, torque or gear, on a link at a point.
 
-    That of a gear is the name of its torque.
+    The point of a torque of a drive or of gears is its name.
     """
 
     kind: str
@@ -42,6 +42,11 @@ class Unknown:
     def width(self) -> int:
         """Number of its components."""
         return 2 if self.kind == "force" else 1
+
+    @property
+    def is_torque(self) -> bool:
+        """Whether it is a torque of a drive or of gears, with shares on several links."""
+        return self.kind in ("torque", "gear")
 
     @property
     def labels(self) -> list[str]:
@@ -85,15 +90,9 @@ class Assembly:
         rows = [row.split(" ") for row in self._block(name).rows] if self._has(name) else []
         return [(first, second) for first, second, *_ in rows]
 
-    @cached_property
-    def _reacting(self) -> list[tuple[Unknown, str, str]]:
-        """Every torque between two links, with the other link and the point at which its reaction acts."""
-        rows = [row.split(" ")[2:] for row in self._block("driven_angles").rows] if self._drives else []
-        return [(u, other[0], other[1]) for u, other in zip(self._drives, rows, strict=True) if other]
-
     @property
-    def _drives(self) -> list[Unknown]:
-        return [u for u in self.unknowns if u.kind == "torque"]
+    def _torques(self) -> list[Unknown]:
+        return [u for u in self.unknowns if u.is_torque]
 
     def _values(self, name: str) -> Array:
         """Return a matrix of the loads at all poses, (poses, rows, columns)."""
@@ -109,9 +108,8 @@ class Assembly:
     def _unknowns(self) -> tuple[Unknown, ...]:
         labels = [("force", link, p) for link in self.names for p in self.points_of(link)]
         labels += [("guide", link, p) for link, p in self._labels("guides")]
-        labels += [("torque", link, p) for link, p in self._labels("driven_angles")]
-        gears = self._block("gears").columns if self._has("gears") else ()
-        labels += [("gear", link, name) for link, name in (c.split(" ") for c in gears)]
+        torques = self._block("torques").columns if self._has("torques") else ()
+        labels += [(kind, link, name) for kind, link, name in (c.split(" ") for c in torques)]
         unknowns: list[Unknown] = []
         for kind, link, point in labels:
             column = unknowns[-1].column + unknowns[-1].width if unknowns else 0
@@ -169,19 +167,15 @@ class Assembly:
         attached = []
         normals = self._values("guides") if self._has("guides") else None
         guides = [u for u in self.unknowns if u.kind == "guide"]
-        for u in (u for u in self.unknowns if u.link == link and u.kind != "gear"):
+        for u in (u for u in self.unknowns if u.link == link and not u.is_torque):
             at, share = self._at(link, u.point)
             # The guide pushes the point along the normal, and the point pushes the link back.
             along = -normals[:, guides.index(u)] if normals is not None and u.kind == "guide" else None
-            attached.append(Attachment(at, share, u.column, None, along, u.kind == "torque"))
-        for u, other, point in self._reacting:
-            if other == link:
-                against = np.full((len(self._poses), 1), -1.0)
-                attached.append(Attachment(*self._at(link, point), u.column, None, against, True))
-        for i, (name, point) in enumerate(self._labels("gears")):
-            for k, u in enumerate(u for u in self.unknowns if u.kind == "gear"):
-                if name == link:
-                    part = self._values("gears")[:, i, k, None]
+            attached.append(Attachment(at, share, u.column, None, along, False))
+        for i, (name, point) in enumerate(self._labels("torques")):
+            for k, u in enumerate(self._torques):
+                part = self._values("torques")[:, i, k, None]
+                if name == link and np.any(part):
                     attached.append(Attachment(*self._at(link, point), u.column, None, part, True))
         for i, (name, point) in enumerate(self._labels("couples")):
             if name == link:
@@ -219,8 +213,7 @@ class Assembly:
     def scales(self) -> Array:
         """Factors that make the unknowns forces [N]: torques are over the length of the link."""
         lengths = {c.name: c.length for c in self.chains}
-        couples = ("torque", "gear")
-        scales = [np.full(u.width, lengths[u.link] if u.kind in couples else 1.0) for u in self.unknowns]
+        scales = [np.full(u.width, lengths[u.link] if u.is_torque else 1.0) for u in self.unknowns]
         return np.concatenate(scales)
 
     @cached_property
@@ -274,14 +267,10 @@ class Assembly:
                 share = self._at(link, point)[1][:, None]
                 for end, part in zip(self.points_of(link)[:2], (1.0 - share, share), strict=True):
                     add(end, part * push)
-        gears = [u.column for u in self.unknowns if u.kind == "gear"]
-        couples = [
-            (link, np.einsum("kj,kj->k", x[:, gears], self._values("gears")[:, i]))
-            for i, (link, _) in enumerate(self._labels("gears"))
-        ]
-        couples += [(link, -x[:, u.column]) for u, link, _ in self._reacting]
-        for link, couple in couples:
+        torques = [u.column for u in self._torques]
+        for i, (link, _) in enumerate(self._labels("torques")):
             if link not in self.names:
+                couple = np.einsum("kj,kj->k", x[:, torques], self._values("torques")[:, i])
                 start, end = self.points_of(link)[:2]
                 d = self.places[:, self.index(end)] - self.places[:, self.index(start)]
                 push = (couple / np.einsum("ki,ki->k", d, d))[:, None] * np.stack([d[:, 1], -d[:, 0]], 1)
