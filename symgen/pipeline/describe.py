@@ -52,6 +52,7 @@ def with_state(system: System, description: Description, library: Library) -> De
 
     from symgen.runtime.kernels.evaluate import Evaluator
     from symgen.runtime.rods.start import check_closed, start
+    from symgen.runtime.rods.stated import moved
     from symgen.symbolic.exact import Exact
 
     parameters = np.array([p.default for p in description.parameters])
@@ -70,7 +71,12 @@ def with_state(system: System, description: Description, library: Library) -> De
         values = {"t": [0.0], "q": begun.q, "u": begun.u, "p": evaluator.parameter_values, "work": work}
         parts = Exact(system).matrices(("constraints", "constraint_scale"), values)
         check_closed(evaluator, begun.q, *(np.array([float(x) for x in part]) for part in parts))
-    return replace(description, start=(*begun.q.tolist(), *begun.u.tolist()), redundant=begun.redundant)
+    return replace(
+        description,
+        start=(*begun.q.tolist(), *begun.u.tolist()),
+        redundant=begun.redundant,
+        remarks=(*description.remarks, *moved(evaluator, begun.q)),
+    )
 
 
 def with_pose(system: System, description: LoopDescription, library: Library) -> LoopDescription:
@@ -223,7 +229,10 @@ def of_general(system: GeneralSystem, program: Program, equations: str) -> Descr
     d = of_linkage(system, program, equations)
     slots = {name: tuple(s.name for s in slots) for name, _, slots in program.groups}
     blocks = {b.name: b for k in program.kernels if k.name == "points" for b in k.blocks}
-    return replace(d, free=slots["q"], rates=slots["u"], points=blocks["positions"].rows, drawn=0, size=1.0)
+    stated = system.stated.values or {} if system.stated else {}
+    given = tuple(name for name in slots["q"] if name in stated)
+    points = blocks["positions"].rows
+    return replace(d, free=slots["q"], rates=slots["u"], given=given, points=points, drawn=0, size=1.0)
 
 
 def _steady(linkage: Linkage) -> tuple[str, ...]:

@@ -175,6 +175,59 @@ def test_driven_motion_and_multipliers(crank):
     assert abs(-crank.accelerations().multipliers["drive"] - torque) < 1e-12 * abs(torque)
 
 
+def rod_in_xy(folder, centre, values):
+    """A pendulum of length 1 m about (centre, 0) in x and y, with these values of coordinates."""
+    file = folder / f"rod_{len(list(folder.iterdir()))}.py"
+    file.write_text(f"""
+import sympy as sp
+from symgen.symbolic.quantity import quantity
+from symgen.symbolic.system import Group, NamedMatrix, System
+
+x, y, length = quantity("x", "m", "across"), quantity("y", "m", "up"), quantity("l", "m", "length")
+
+
+def system():
+    rod = (x.symbol - sp.Rational("{centre}")) ** 2 + y.symbol**2 - length.symbol**2
+    return System(
+        name="rod",
+        title="A rod in x and y",
+        groups=(Group("q", "place", (x, y)), Group("p", "parameters", (length,))),
+        matrices=(
+            NamedMatrix("mass_matrix", sp.eye(2).as_immutable(), "kg", "masses"),
+            NamedMatrix("force", sp.ImmutableMatrix([0, -9.81]), "N", "weight"),
+            NamedMatrix("constraints", sp.ImmutableMatrix([rod]), "m^2", "rod", ("rod",)),
+        ),
+        exports=(),
+        values={{"l": 1.0, **{values!r}}},
+    )
+""")
+    return symgen.build(file)
+
+
+def test_given_coordinates_are_held_at_the_start(tmp_path):
+    model = rod_in_xy(tmp_path, "1/10", {"y": -0.6})
+    assert np.allclose(model.initial_state().q, [0.1 - 0.8, -0.6], atol=1e-14)
+    assert not model.simulate(0.1).notes
+    longer = model.with_parameters(l=0.75)
+    assert np.allclose(longer.initial_state().q, [0.1 - 0.45, -0.6], atol=1e-14)
+    runs = model.simulate_many({"l": [1.0, 0.75]}, t_end=0.01)
+    assert np.allclose(runs["x"].values[:, 0], [-0.7, -0.35], atol=1e-14)
+
+
+def test_values_that_contradict_constraints_move_with_a_note(tmp_path, crank):
+    model = rod_in_xy(tmp_path, "0", {"x": 0.3, "y": -0.4})
+    assert np.allclose(model.initial_state().q, [0.6, -0.8], atol=1e-14)
+    (note,) = model.simulate(0.1).notes
+    assert note.endswith("the nearest pose: x from 0.3 to 0.6 m, y from -0.4 to -0.8 m")
+    assert not model.with_parameters(l=0.5).simulate(0.1).notes
+    (note,) = rod_in_xy(tmp_path, "0", {"y": -0.6}).simulate(0.1).notes
+    assert note.endswith("y from -0.6 to -1 m, since x cannot follow from zero: give a value")
+    (note,) = crank.simulate(0.1).notes
+    assert "theta" not in note and "phi from -0.1 to -0.160" in note and "s from 0.4 to 0.38" in note
+    with pytest.raises(SceneError, match="still misses the constraint rod by 1\n"):
+        rod_in_xy(tmp_path, "0", {})
+
+
 def test_solutions_are_refined_where_inertias_differ(tmp_path):
     """With a rod of a millionth of the other inertias, whose pivot is eliminated first."""
     file = tmp_path / "light_rod.py"

@@ -169,14 +169,13 @@ class Description(Described):
     ``links`` holds the points of each link, ``labels`` the constraints in messages. ``steady`` are ground
     points and drives of constant velocity, ``prescribed`` constraints of drives. ``inputs``, external
     signals, are the last tunable parameters. ``kinematic``: no dynamics; ``selects``: it selects outputs.
-    Of a user-defined system ``free`` names the coordinates, ``rates`` their rates, and ``size`` [m] takes the
-    place of that of a drawing.
-    ``lugs`` are rigid joints of points off elastic links, with points on the line ("" if named). ``drawn`` is
-    the number of points of the scene, the first. ``gears`` are the numbers of teeth by link, with that of the
-    carrier. ``first_pivot`` is a place in ``work`` of 'factor'. ``series_rows`` counts the coefficients of
-    one order of power series in time, ``series_watched`` those of the kernel 'events' among them. ``tables``
-    counts the ``switches`` that are knots of tables, the last ones. ``states`` are first-order states with
-    their units: rates of coordinates, their integrals, that are behind those of points.
+    Of a user-defined system ``free`` names the coordinates, ``rates`` their rates, ``given`` the coordinates
+    with a value at the start, and ``size`` [m] is in place of that of a drawing. ``lugs`` are rigid joints
+    of points off elastic links, with points on the line ("" if named). ``drawn`` is the number of points of
+    the scene, the first. ``gears`` are teeth by link, and of the carrier. ``first_pivot`` is a place in
+    ``work`` of 'factor'. ``series_rows`` counts the coefficients of one order of power series in time,
+    ``series_watched`` those of the kernel 'events'. ``tables`` counts the ``switches`` that are knots of
+    tables, the last. ``states`` are first-order states, behind the points, with their units.
     """
 
     axes: tuple[str, ...]
@@ -211,6 +210,7 @@ class Description(Described):
     lugs: dict[str, str] = field(default_factory=dict)
     drawn: int = 0
     rates: tuple[str, ...] = ()
+    given: tuple[str, ...] = ()
     size: float = 0.0
     series_rows: int = 0
     series_watched: int = 0

@@ -24,6 +24,7 @@ from symgen.runtime.integrate.redundancy import (
 )
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.large_start import LARGE, least_velocities
+from symgen.runtime.rods.stated import held
 
 #: Random poses from which a start is searched.
 _TRIES = 24
@@ -161,6 +162,10 @@ def _assembled(evaluator: Evaluator, starter: Starter) -> Starter:
     """Return the start assembled along a path from the drawing, else by closed forms, else by a search."""
     q = starter.q
     _check_directions(evaluator, q)
+    if (stated := held(evaluator, q)) is not None:
+        closing = Starter(evaluator, ASSEMBLED, stated)
+        if closing.close() == _start.STARTED:
+            return closing
     status = _start.ON_THE_WAY
     while status == _start.ON_THE_WAY:
         check_wall("assembling the linkage")
@@ -282,12 +287,20 @@ def _unassembled(evaluator: Evaluator, reached: float, residual: Array) -> Initi
     rows = [_label(evaluator, row) for row in _rows(evaluator, "assembly")]
     size = np.abs(residual)
     order = [i for i in np.argsort(-size)[:3] if size[i] > _MISSED * np.max(size)]
-    missing = ", ".join(f"{rows[i]} by {abs(residual[i]):.3g} m" for i in order)
+    unit = "" if evaluator.description.rates else " m"
+    missing = ", ".join(f"{rows[i]} by {abs(residual[i]):.3g}{unit}" for i in order)
     if not np.all(np.isfinite(residual)):
         bad = rows[int(np.flatnonzero(~np.isfinite(residual))[0])]
         return InitialStateError(
             f"{bad} has no finite value where the linkage is drawn\n  Change {_values(evaluator)}.",
             where=_place(evaluator, bad),
+        )
+    if evaluator.description.rates:
+        return InitialStateError(
+            f"the system cannot be assembled from its values: led from these it came {reached:.0%} of the "
+            f"way; from there it still misses {missing}\n"
+            "  Give values of coordinates nearer to the constraints; those without a value are zero.",
+            where="values",
         )
     return InitialStateError(
         f"the linkage cannot be assembled with these lengths and start angles: led from the drawing it came "

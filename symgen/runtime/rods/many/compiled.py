@@ -157,6 +157,7 @@ def _alone(source: Recording, chosen: Options, starts: set[float], arguments: Ma
         "a torsion spring or a load follows an angle": bool(d.windings),
         "constraints are redundant": bool(source.redundant),
         "all points are fixed": not d.coordinates,
+        "coordinates at the start follow from others": bool(d.constraints) and 0 < len(d.given) < len(d.free),
         "states are at several times": len(starts) > 1,
         "the end of a run depends on its parameters": bool(own_end),
         f"{chosen.method.name} is implicit": chosen.method.needs_tangent,
