@@ -260,9 +260,7 @@ def at_run(
         slopes = [(np.pad(x, ((0, 1), (0, 0))), np.pad(y, ((0, 1), (0, 0)))) for x, y in slopes[:-1]]
         slopes.append(total_slopes(ends[-1], shown, names, f"event.{path.event}"))
     jumps = jumps_between(
-        path.references[:, path.references.shape[1] - path.switches :],
-        lambda i, k: tangents(state_of(path, i), path.references[k]),
-        names,
+        path.t, path.references, path.switches, lambda i, row: tangents(state_of(path, i), row), names
     )
     causes = [f"loads that jump: {start.description.switches[0]}"] if jumps else []
     if path.event is not None:

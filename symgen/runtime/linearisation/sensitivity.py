@@ -6,8 +6,9 @@ drives and its independent coordinates with their rates; an equilibrium keeps it
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -238,52 +239,126 @@ class Jump:
     direct: Array
 
 
-def jumps_between(branches: Array, tangents: Callable[[int, int], Tangents], by: Sequence[str]) -> list[Jump]:
+def jumps_between(
+    t: Array, references: Array, switches: int, tangents: Callable[[int, Array], Tangents], by: Sequence[str]
+) -> list[Jump]:
     """Return the jumps of derivatives at switching points, in the order of the steps that end there.
 
     Parameters
     ----------
-    branches
-        Branches of loads after each step, from the start, a row each.
+    t, references
+        Times [s] of the steps from the start on, and references after each, a row each.
+    switches
+        Number of the last columns of these that are branches of loads.
     tangents
-        Returns the linearised motion at the state after a step, with the branches after another.
+        Returns the linearised motion at the state after a step, with the references of a row.
     by
         Names of the directions.
     """
-    crossings = []
-    for i in (np.flatnonzero(np.any(np.diff(branches, axis=0), axis=1)) + 1).tolist():
-        before, after = tangents(i, i - 1), tangents(i, i)
-        change = before.moving - after.moving
-        if np.any(change):
-            gaps = [f"switch.{k}" for k in np.flatnonzero(branches[i] - branches[i - 1])]
-            crossings.append(Jump(i, change, *_of_passing(before, gaps, by)))
+    places, crossings = np.arange(references.shape[1] - switches, references.shape[1]), list[Jump]()
+    branches = references[:, places]
+    changed = (np.flatnonzero(np.any(np.diff(branches, axis=0), axis=1)) + 1).tolist()
+    while changed:
+        first = last = changed.pop(0)
+        held = branches[first] == branches[first - 1]
+        # Switching points at one time end several steps, in the order of rounding.
+        while changed and t[changed[0]] <= t[first] + _AT_ONCE:
+            now = branches[changed[0]] == branches[last]
+            if not np.all(held | now):
+                break
+            held &= now
+            last = changed.pop(0)
+
+        before = tangents(first, references[first - 1])
+
+        def lost(gaps: Sequence[int]) -> Array:
+            """Return what the rates of the state lose where some gaps pass zero."""
+            row = references[first - 1].copy()  # noqa: B023  # called in this pass of the loop
+            row[places[gaps]] = references[last, places[gaps]]  # noqa: B023
+            return np.asarray(before.moving - tangents(first, row).moving)  # noqa: B023
+
+        crossings += _at_once(last, before, lost, np.flatnonzero(~held).tolist(), by)
     return crossings
 
 
-def _of_passing(at: Tangents, gaps: Sequence[str], by: Sequence[str]) -> tuple[Array, Array]:
-    """Return the derivatives of the time of a switching point, at which loads took other branches.
+def _at_once(
+    step: int,
+    at: Tangents,
+    lost: Callable[[Sequence[int]], Array],
+    gaps: list[int],
+    by: Sequence[str],
+) -> Iterator[Jump]:
+    """Yield the jumps of derivatives where gaps pass zero at one time.
 
     A gap that is not zero there changes sign with another one, such as that of a profile of the remainder
-    ``mod`` with the remainder.
+    ``mod`` with the remainder. Gaps whose times change alike pass together. Those whose times change
+    differently pass in either order, and derivatives exist if the order makes no difference.
 
     Raises
     ------
     ModelError
-        Where gaps pass zero at once whose times change differently: motions beside are not linear.
+        Where it does: motions beside are not linear.
     """
-    rates = np.array([_rate(at, gap) for gap in gaps])
-    values = np.array([at.slopes.values[gap] for gap in gaps])
+    names = [f"switch.{k}" for k in gaps]
+    rates = np.array([_rate(at, gap) for gap in names])
+    values = np.array([at.slopes.values[gap] for gap in names])
     with np.errstate(divide="ignore", invalid="ignore"):
         away = np.where(rates != 0.0, np.abs(values / rates), np.inf)
-    there = [passing(at, gaps[k], by) for k in np.flatnonzero(away <= np.min(away) + _AT_ONCE).tolist()]
-    first = np.concatenate(there[0])
-    for other in there[1:]:
-        if not np.allclose(np.concatenate(other), first, rtol=_SAME, atol=_SAME * np.max(np.abs(first))):
-            raise ModelError(
-                f"two loads switch at once, at {at.state.t:.6g} s, and parameters move their times apart: "
-                "there are no derivatives\n  Change a parameter a little, or end before this time."
-            )
-    return there[0]
+    there = [k for k, far in zip(gaps, away, strict=True) if far <= np.min(away) + _AT_ONCE]
+    groups = list[tuple[list[int], tuple[Array, Array]]]()
+    for k in there:
+        time = passing(at, f"switch.{k}", by)
+        like = next((g for g, other in groups if _alike(time, other)), None)
+        if like is None:
+            groups.append(([k], time))
+        else:
+            like.append(k)
+    if len(groups) == 1:
+        groups = [(gaps, groups[0][1])]
+    else:
+        _check_order(at, lost, [g for g, _ in groups], len(there) < len(gaps))
+    for group, time in groups:
+        change = lost(group)
+        if np.any(change):
+            yield Jump(step, change, *time)
+
+
+def _alike(time: tuple[Array, Array], other: tuple[Array, Array]) -> bool:
+    """Return whether the times of two switching points change alike."""
+    a, b = np.concatenate(time), np.concatenate(other)
+    return bool(np.allclose(a, b, rtol=_SAME, atol=_SAME * np.max(np.abs(b))))
+
+
+def _check_order(
+    at: Tangents,
+    lost: Callable[[Sequence[int]], Array],
+    groups: Sequence[Sequence[int]],
+    others: bool,
+) -> None:
+    """Raise ModelError if rates, or times, depend on the order in which groups of gaps pass zero.
+
+    ``others`` are gaps that change sign with some of these.
+    """
+    alone = [lost(group) for group in groups]
+    size = _SAME * float(np.max(np.abs(alone))) + _EQUAL * float(np.max(np.abs(at.moving)))
+    differs = others or any(
+        np.max(np.abs(lost([k for i in some for k in groups[i]]) - sum(alone[i] for i in some))) > size
+        for count in range(2, len(groups) + 1)
+        for some in combinations(range(len(groups)), count)
+    )
+    for i, group in enumerate(groups):
+        row = at.slopes.outputs[f"switch.{group[0]}"][: 2 * at.n]
+        differs |= any(
+            abs(row @ change) > _SAME * abs(_rate(at, f"switch.{group[0]}"))
+            for j, change in enumerate(alone)
+            if j != i
+        )
+    if differs:
+        raise ModelError(
+            f"loads switch at once, at {at.state.t:.6g} s, parameters move their times apart, and the motion "
+            "depends on which is first: there are no derivatives\n"
+            "  Change a parameter a little, or end before this time."
+        )
 
 
 def _rate(at: Tangents, gap: str) -> float:

@@ -202,11 +202,11 @@ def carried_forward(
         _check(*along.forward(*part, moved, summed), part[0])
 
     for end in path.ends if count or integrals else ():
-        for jump in jumps:
-            if begin < jump.step <= end:
+        for jump in [each for each in jumps if begin < each.step <= end]:
+            if begin < jump.step:  # several may be at one step
                 go(begin, jump.step)
                 begin = jump.step
-                moved[:, :count] += np.outer(jump.change, jump.by_state @ moved[:, :count] + jump.direct)
+            moved[:, :count] += np.outer(jump.change, jump.by_state @ moved[:, :count] + jump.direct)
         go(begin, end)
         tangents.append((moved[:, :count].copy(), summed[:, :count].copy()))
         sums.append(along.sums)

@@ -193,3 +193,59 @@ def test_derivatives_at_the_time_of_a_jump_do_not_change_those_behind_it(method)
     given = [0.5, 0.1, 3.0, 50.0, 0.3]
     expected = slopes(lambda *args: [*timed(*args, mp.mpf("0.7"))], given)[:, 2:]
     assert np.max(np.abs(found.derivatives[1] - expected)) <= 1e-11 * np.max(np.abs(expected))
+
+
+@pytest.mark.parametrize("method", ["dop853", "taylor", "radau5"])
+@pytest.mark.parametrize("both", [False, True])
+def test_two_loads_that_switch_at_one_place(method, both, monkeypatch):
+    """F1 sign(x - a) + F2 sign(x - c) at a = c, and the same with a quadratic force between a and x."""
+    monkeypatch.setitem(VALUES, "c", (0.2, "m"))
+    force = "F*sign(A.x - a) + 2*F*sign(A.x - c)"
+    model = built("k*max(0*a, A.x - a)*max(0*a, A.x - c)/a" if both else force, 0.1, 2.0)
+
+    def motion(a, c):
+        x, v, t, end = mp.mpf("0.1"), mp.mpf(2), mp.mpf(0), mp.mpf("0.2")
+        for place, rate in zip((*sorted((a, c)), None), (-9, -3 if a < c else 3, 9), strict=True):
+            f = mp.mpf(rate) / MASS
+            h = end - t if place is None else (-v + mp.sqrt(v**2 + 2 * f * (place - x))) / f
+            x, v, t = x + v * h + f * h**2 / 2, v + f * h, t + h
+        return [x, v]
+
+    def pushed(a, c):
+        """By power series from the later place on."""
+        x0, v0 = max(a, c), mp.mpf(2)
+        t0 = (x0 - mp.mpf("0.1")) / v0
+        go = mp.odefun(lambda _, y: [y[1], 50 * (y[0] - a) * (y[0] - c) / a / MASS], t0, [x0, v0])
+        return list(go(mp.mpf("0.2")))
+
+    expected = slopes(pushed if both else motion, [0.2, 0.2])
+    options = {"coordinates": ["A.position.x"], "method": method, "rtol": 1e-12, "atol": 1e-14, "t_end": 0.2}
+    found = model.sensitivity(["A.position.x", "A.velocity.x"], ["a", "c"], **options).derivatives[0]
+    assert np.max(np.abs(found - expected)) <= 1e-10 * np.max(np.abs(expected))
+    back = model.sensitivity(["A.position.x"], ["a", "c", "A.position.x", *VALUES], **options).derivatives
+    assert back[0, 0, :2] == pytest.approx(expected[0], rel=1e-10)
+
+
+@pytest.mark.parametrize("method", ["dop853", "taylor", "radau5"])
+@pytest.mark.parametrize(
+    "force", ["F*sign(A.x - a)*sign(A.x - c)", "F*(1 + sign(A.x - a))*(1 + sign(A.x - c))"]
+)
+def test_loads_that_multiply_at_one_switching_point_have_no_derivatives(method, force, monkeypatch):
+    """The product differs between a and c, on whichever side c is: the motion by c has a corner."""
+    monkeypatch.setitem(VALUES, "c", (0.2, "m"))
+    model = built(force, 0.1, 2.0)
+    options = {"coordinates": ["A.position.x"], "method": method, "t_end": 0.2}
+    ends = [
+        model.with_parameters(c=c).simulate(0.2, samples=2)["A.velocity"].values[-1, 0]
+        for c in (0.19, 0.2, 0.21)
+    ]
+    one_sided = (ends[1] - ends[0]) / 0.01, (ends[2] - ends[1]) / 0.01
+    assert abs(one_sided[0] - one_sided[1]) > 2
+    with pytest.raises(ModelError, match="the motion depends on which is first: there are no derivatives"):
+        model.sensitivity(["A.position.x"], ["c"], **options)
+    apart = model.sensitivity(["A.velocity.x"], ["F"], **options).derivatives[0, 0, 0]
+    h = 1e-4
+    ends = [
+        model.with_parameters(F=3 + x).simulate(0.2, samples=2)["A.velocity"].values[-1, 0] for x in (-h, h)
+    ]
+    assert apart == pytest.approx((ends[1] - ends[0]) / (2 * h), rel=1e-6)
