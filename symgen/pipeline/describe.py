@@ -51,8 +51,8 @@ def with_state(system: System, description: Description, library: Library) -> De
     import numpy as np
 
     from symgen.runtime.kernels.evaluate import Evaluator
+    from symgen.runtime.rods.assembly.stated import moved
     from symgen.runtime.rods.start import check_closed, start
-    from symgen.runtime.rods.stated import moved
     from symgen.symbolic.exact import Exact
 
     parameters = np.array([p.default for p in description.parameters])

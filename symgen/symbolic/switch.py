@@ -263,8 +263,8 @@ class Pieces:
         slope = PieceNumbers(tuple(first), self.period, bounded=not self.period)
         slope_of = _piece_function(f"{self.name}_slope", slope)
         gap = _horner([sp.S.Zero, slope_of(piece), self._entry("bend", piece, second)], self._along(x, piece))
-        asked = 1 - Sign(branch - WHICH_PIECE) ** 2
-        return gap + asked * (piece - gap)
+        held = Sign(branch - WHICH_PIECE) ** 2
+        return held * gap + (1 - held) * piece  # exactly one of these: a rounded piece is another one
 
     def _along(self, x: sp.Expr, piece: sp.Expr) -> sp.Expr:
         knots = self.knots if self.period else (self.knots[0], *self.knots)

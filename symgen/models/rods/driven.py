@@ -16,6 +16,7 @@ from symgen.models.rods.system import (
     places,
     run_end,
     run_end_kernel,
+    switches_of,
 )
 from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.system import Export, System
@@ -37,7 +38,7 @@ def driven_system(linkage: Linkage) -> System:
     start, start_kernels = assembly_exports(model)
     moved, following = driven_motion(model)
     limits, kernel_of_limits = limits_of(linkage)
-    derived, end = [*constraints(model), *places(model)], run_end(model)
+    derived, end, switches = [*constraints(model), *places(model)], run_end(model), switches_of(model)
     # A requested driven angle is that of its drive, which counts revolutions.
     names = {m.name for m in (*derived, *moved)}
     exports = [
@@ -45,6 +46,7 @@ def driven_system(linkage: Linkage) -> System:
         Export("outputs", "outputs of the scene", tuple(m.name for m in requested)),
         *start_kernels,
         *following,
+        *(Export("events", "switching points", (m.name,)) for m in switches),
         *run_end_kernel(end),
         *kernel_of_limits,
     ]
@@ -52,7 +54,15 @@ def driven_system(linkage: Linkage) -> System:
         name=model.linkage.name,
         title=model.linkage.title,
         groups=groups(model),
-        matrices=(*derived, *(m for m in requested if m.name not in names), *start, *moved, *end, *limits),
+        matrices=(
+            *derived,
+            *(m for m in requested if m.name not in names),
+            *start,
+            *moved,
+            *switches,
+            *end,
+            *limits,
+        ),
         exports=tuple(exports),
         definitions=definitions(model),
         references=(REFERENCE,),

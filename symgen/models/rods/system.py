@@ -46,7 +46,7 @@ def linkage_system(linkage: Linkage) -> System:
     points, end = _points(model), run_end(model)
     limits, kernel_of_limits = limits_of(linkage)
     # Zero-crossing functions of events and load switches, and angles: one column each.
-    events = [*_events_of_scene(model), *_switches(model), *_windings(model), *_turns(model)]
+    events = [*_events_of_scene(model), *switches_of(model), *_windings(model), *_turns(model)]
     derived = {m.name for m in (*equations, *points)}
     own = {m.name for m in (*start, *residual, *events, *end, *limits)} | {
         *outputs.OF_THE_WHOLE,
@@ -272,7 +272,8 @@ def _turns(model: RodsModel) -> list[NamedMatrix]:
     ]
 
 
-def _switches(model: RodsModel) -> list[NamedMatrix]:
+def switches_of(model: RodsModel) -> list[NamedMatrix]:
+    """Return the switching expressions of loads and prescribed motions."""
     switches = model.linkage.switches
     if not switches:
         return []

@@ -23,7 +23,7 @@ _UNITS |= {"x": "m", "y": "m", "z": "m", "length": "m", "angle": "rad", "t": "s"
 #: A failed run's message names pivots that keep less than this.
 _NEAR = 1e-2
 #: In the text of a switching point: it is that of a prescribed motion, not of a load.
-_PRESCRIBED = re.compile(r" in the (drive|motion|length) of ")
+PRESCRIBED = re.compile(r" in the (drive|motion|length) of ")
 #: Small part of positions, the rounding of doubles, and the number of its signs that are tried.
 _PART, _ROUNDINGS = 2.0**-52, 6
 #: What failures of power series may have as their cause, whatever else the message says.
@@ -74,11 +74,8 @@ def _problem(
             f"max_drift = {chosen.max_drift:g} m, {at}\n  Use the stabilisation 'projection', tighter "
             f"tolerances or a smaller step. {where}"
         )
-    if status == _core.SLIDING and _PRESCRIBED.search(jump := description.switches[stepper.slid]):
-        return (
-            f"the prescribed motion, or its rate, jumps with {jump} {at}: no acceleration takes it further\n"
-            f"  Choose parameters with which its parts end as they begin, or write a profile.NAME. {where}"
-        )
+    if status == _core.SLIDING and PRESCRIBED.search(jump := description.switches[stepper.slid]):
+        return f"{of_prescribed(jump, at)} {where}"
     if status == _core.SLIDING:
         return of_sliding(description.switches[stepper.slid], at, f"Run it by the method radau5. {where}")
     if status in (_core.CONTRADICTED, _core.SINGULAR):
@@ -91,6 +88,14 @@ def _problem(
     if failed or (slow and lost_rank):
         return _of_a_dead_centre(description, description.unknown(equations.weakest), at, where)
     return _of_the_loads(status, stepper, equations, evaluator, chosen, lost_rank, at, where)
+
+
+def of_prescribed(jump: str, at: str) -> str:
+    """Return the message for a prescribed motion that jumps, or whose rate does."""
+    return (
+        f"the prescribed motion, or its rate, jumps with {jump} {at}: no acceleration takes it further\n"
+        "  Choose parameters with which its parts end as they begin, or write a profile.NAME."
+    )
 
 
 def unfinished(stepper: _core.Run, chosen: Options, at: str, reason: str = "") -> str:

@@ -21,6 +21,7 @@ from symgen.runtime.rods.assemblies import assemblies
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.following.branch import along_branch
 from symgen.runtime.rods.following.continuation import LONGEST, Curve, CurvePoint
+from symgen.runtime.rods.following.jumps import check_prescribed
 from symgen.runtime.rods.following.singular import TURNING, monotone, singular_poses
 from symgen.runtime.rods.meshing import slips
 from symgen.runtime.rods.poses import Poses, angles_in_loads, counted, references_of
@@ -155,7 +156,7 @@ def follow(
     ModelError
         For a range that is none, or missing drives.
     SimulationError
-        When the curve cannot be followed, naming the time.
+        When the curve cannot be followed, naming the time; where a prescribed motion or its rate jumps.
     """
     if not (
         math.isfinite(instants.start) and math.isfinite(instants.stop) and instants.start < instants.stop
@@ -172,6 +173,7 @@ def follow(
             f"{instants.start:g} to {instants.stop:g} s"
         )
     ends = min(instants.start, t), max(instants.stop, t)
+    check_prescribed(constraints, q, *ends)
     sound = along_branch(constraints, q, t, *ends, np.unique(times))
     if sound is not None and not slips(constraints, sound.poses):
         samples = sound.poses[sound.requested]

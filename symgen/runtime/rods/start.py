@@ -23,8 +23,8 @@ from symgen.runtime.integrate.redundancy import (
     redundant_constraints,
 )
 from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.rods.assembly.stated import held
 from symgen.runtime.rods.large_start import LARGE, least_velocities
-from symgen.runtime.rods.stated import held
 
 #: Random poses from which a start is searched.
 _TRIES = 24

@@ -25,28 +25,29 @@ def with_switches(linkage: Linkage) -> Linkage:
 
     At b = 0, the value of the parameter that is added, this is sign(x); runs hold b at 1 or -1 during a step.
     Smooth pulses in the time have one in their middle, on which no load depends: a step ends there.
-    Kinematics have no steps, and keep their expressions. Branches that loads have are omitted first.
+    Branches that loads have are omitted first. A linkage restricted to kinematics has no loads.
     """
-    if linkage.kinematic:
-        return linkage
     linkage = _without_switches(linkage)
     words = {state_symbol(f"{s.name}.state"): sp.Symbol(s.name) for s in linkage.states}
     switches, crank = _Switches(linkage.parameters, words), linkage.crank
-    changed = replace(
-        linkage,
-        loads=tuple(
-            load.with_expressions(partial(switches.with_branches, _place(table, i), this=load.name))
-            for table, i, load in linkage.placed_loads
-        ),
-        states=tuple(
-            replace(s, rate=switches.with_branches(f"[states] {s.name}", s.rate)) for s in linkage.states
-        ),
-        crank=crank and replace(crank, torque=switches.with_branches("[crank]", crank.torque, crank.link)),
-        **_prescribed(linkage, switches),
-    )
-    for where, expressions, variable in loads_of(linkage):
+    changed = linkage
+    if not linkage.kinematic:
+        changed = replace(
+            linkage,
+            loads=tuple(
+                load.with_expressions(partial(switches.with_branches, _place(table, i), this=load.name))
+                for table, i, load in linkage.placed_loads
+            ),
+            states=tuple(
+                replace(s, rate=switches.with_branches(f"[states] {s.name}", s.rate)) for s in linkage.states
+            ),
+            crank=crank
+            and replace(crank, torque=switches.with_branches("[crank]", crank.torque, crank.link)),
+        )
+    changed = replace(changed, **_prescribed(linkage, switches))
+    for where, expressions, variable in loads_of(linkage) if not linkage.kinematic else ():
         switches.stop_at_pulses(where, expressions, variable)
-    if crank:
+    if crank and not linkage.kinematic:
         switches.stop_at_pulses("[crank]", (crank.torque,), crank.link)
     if not switches.switches:
         return linkage

@@ -284,6 +284,53 @@ def test_a_rate_that_jumps_by_a_tunable_parameter_ends_a_run(options):
         model.with_parameters(k=1.5).simulate(0.5, **options)
 
 
+@pytest.mark.parametrize("kind", ["dynamics", "kinematics"])
+@pytest.mark.parametrize(
+    ("law", "held", "jumps", "at"),
+    [
+        ("((mod(t, T)*(T - mod(t, T))/T**2)**2 + (k - 1)*mod(t, T)*(T - mod(t, T))/T**2)", 1, 1.5, 0.4),
+        ("profile.poly345(mod(t, T)/(k*T)) - profile.poly345((mod(t, T) - T/2)/(k*T))", 0.5, 0.51, 0.4),
+    ],
+    ids=["rate", "value"],
+)
+def test_prescribed_motions_over_a_range_have_no_jumps(kind, law, held, jumps, at):
+    """Kinematics and inverse dynamics end as runs do; before the jump they are closed forms of the drive."""
+    scene = driven(law, free=False, k=held).model_dump(exclude_unset=True)
+    outputs = ["crank.angle"] if kind == "kinematics" else scene["analysis"]["outputs"]
+    model = symgen.build(
+        symgen.Scene(**{**scene, "analysis": {"t_end": "1.3 s", "kind": kind, "outputs": outputs}})
+    )
+    verbs = [model.kinematics] + ([model.inverse_dynamics] if kind == "dynamics" else [])
+    for verb in verbs:
+        verb()
+        changed = getattr(model.with_parameters(k=jumps), verb.__name__)
+        changed(stop=0.99 * at)
+        with pytest.raises(SimulationError, match=rf"or its rate, jumps with mod\(t, 0.4\).* at t = {at} s"):
+            changed()
+        with pytest.raises(SimulationError, match="or its rate, jumps"):
+            changed(at=[0.2, 0.6], over="time")
+
+
+@pytest.mark.parametrize("method", ["taylor", "dop853"])
+def test_runs_start_on_the_piece_of_their_start(method):
+    """Behind the rise of a profile the force is constant, whatever the rounding of the distance from its end."""
+    points = {"A": ["0.5 m", "0 m"], "O": ["0 m", "0 m"], "X": ["1 m", "0 m"]}
+    model = symgen.build(
+        symgen.Scene(
+            parameters={"c": {"value": "0.1 s", "tunable": True}, "k": "0.1 s", "T": "0.4 s", "F": "1 N"},
+            points={name: {"at": at, "ground": name != "A"} for name, at in points.items()},
+            links={"rail": {"points": ["O", "X"]}},
+            masses=[{"point": "A", "mass": "1 kg"}],
+            guides=[{"points": ["A"], "along": "rail"}],
+            forces=[{"point": "A", "force": ["F*profile.poly345(mod(t + c, T)/k)", "0 N"]}],
+            analysis={"outputs": ["A.velocity"]},
+        )
+    )
+    for c in np.linspace(0.101, 0.39, 50).tolist():
+        run = model.with_parameters(c=c).simulate(1e-3, method=method, samples=2)
+        assert run["A.velocity"].values[-1, 0] == pytest.approx(1e-3, rel=1e-12), c
+
+
 @pytest.mark.parametrize("method", ["taylor", "dop853"])
 def test_a_cam_with_dwells_repeats(method):
     """Rise, dwell, return and dwell in every period, where mod and both profiles switch together."""

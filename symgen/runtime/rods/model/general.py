@@ -15,9 +15,9 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.arguments import real
 from symgen.runtime.model.arguments import LinkageDerivatives, takes
 from symgen.runtime.result.state import State, in_order
+from symgen.runtime.rods.assembly.stated import moved
 from symgen.runtime.rods.model.rods import RodModel
 from symgen.runtime.rods.start import Start
-from symgen.runtime.rods.stated import moved
 
 if TYPE_CHECKING:
     from symgen.runtime.linearisation.record import Sensitivity
