@@ -20,7 +20,7 @@ from symgen.study.speed.work_precision import WorkPrecision, work_precision
 
 #: Facts of a run shown at the head of the page.
 _OF_POINTS = (("position", "m"), ("velocity", "m/s"))
-_TELLING = ("energy drift", "constraint drift", "closed within", "estimated error")
+_TELLING = ("energy drift", "constraint drift", "closed within", "error by time steps")
 #: Repeats per setting.
 _REPEATS = 2
 #: Recorded times.

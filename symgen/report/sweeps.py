@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from symgen.report.page.page import Fact, TableView
+from symgen.report.page.plots import also_recorded
 from symgen.report.page.study import Study
 from symgen.report.page.sweep_plots import (
     DRAWN,
+    by_default,
     histories_of,
     label_of,
     outputs_of,
@@ -171,9 +173,9 @@ def sweep_study(runs: xarray.Dataset, about: dict[str, Any]) -> Study:
 
 def _figures(runs: xarray.Dataset, varied: Sequence[str]) -> Iterator[tuple[Callable[[], Figure], str, str]]:
     """Yield functions that draw the figures of a page, with alternative text and caption."""
-    reduced = [name for name in outputs_of(runs) if not name.endswith("_drift")]
+    reduced, omitted = by_default(runs)
     if reduced:
-        yield lambda: plot(runs, *reduced), f"Outputs over {' and '.join(varied)}", ""
+        yield lambda: plot(runs, *reduced), f"Outputs over {' and '.join(varied)}", also_recorded(omitted)
     if histories_of(runs):
         few = f"Curves are those of the first {DRAWN} runs." if runs.sizes["run"] > DRAWN else ""
         yield lambda: plot(runs, *histories_of(runs)), "Curves of the runs", few

@@ -144,3 +144,14 @@ def test_notebooks_show_plots_as_pictures():
     figure = symgen.build("four_bar").simulate(0.1, samples=3).plot("energy")
     assert figure._repr_png_().startswith(b"\x89PNG")
     assert plot_sweep(_sweep(), "F.peak")._repr_png_().startswith(b"\x89PNG")
+
+
+def test_a_plot_of_a_sweep_has_at_most_six_panels_and_names_the_rest():
+    runs = _sweep()
+    for k in range(7):
+        runs[f"G{k}.peak"] = runs["F.peak"]
+    figure = plot_sweep(runs)
+    assert len([panel for panel in figure.axes if panel.get_xlabel()]) == 6
+    assert figure.get_suptitle().endswith("Also recorded: G5.peak, G6.peak.")
+    selected = plot_sweep(runs, *(f"G{k}.peak" for k in range(7)))
+    assert len([panel for panel in selected.axes if panel.get_xlabel()]) == 7

@@ -42,6 +42,11 @@ def pages(gathered, tmp_path_factory):
     return made
 
 
+def test_names_between_backticks_are_code_and_escaped(gathered):
+    page = render(replace(gathered["four_bar"], about="As `a<b` of `four_bar`, a<b."))
+    assert "As <code>a&lt;b</code> of <code>four_bar</code>, a&lt;b.</p>" in page
+
+
 @pytest.mark.parametrize("name", SCENES)
 def test_a_page_is_whole_and_needs_nothing_else(pages, name):
     text = pages[name].read_text()

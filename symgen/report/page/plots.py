@@ -21,7 +21,7 @@ WIDTH, _PANEL = 5.6, 1.75
 #: Width of a letter of a legend, and of the rest of an entry [in]; letters in a line of a title.
 _LETTER, _KEY, _LINE = 0.06, 0.4, 95
 #: Most panels, and curves of each, without selected outputs.
-_PANELS, _CURVES = 6, 8
+PANELS, _CURVES = 6, 8
 #: Least range of such a curve, over its largest value.
 _VARIES = 1e-9
 #: Errors from here on are those of another motion.
@@ -77,7 +77,7 @@ def panels_of(
 ) -> tuple[dict[str, list[Variable]], dict[str, list[Variable]]]:
     """Return the outputs of each panel by its label: those drawn, and those omitted without selected ones."""
     panels = _selected(result, names) if names else _by_default(result)
-    drawn = [*panels] if names else [*panels][:_PANELS]
+    drawn = [*panels] if names else [*panels][:PANELS]
     return {n: panels[n] for n in drawn}, {n: v for n, v in panels.items() if n not in drawn}
 
 
@@ -168,11 +168,16 @@ def _in_units_of(result: Result, source: Result, variable: Variable) -> Variable
 
 
 def _titled(figure: Figure, result: Result, file: str | os.PathLike[str] | None, note: str = "") -> Figure:
-    lines = [line for text in (result.title, result.headline, note) for line in wrap(text, _LINE)]
-    figure.suptitle("\n".join(lines), fontsize="small")
+    set_title(figure, result.title, result.headline, note)
     if file is not None:
         save(figure, file)
     return figure
+
+
+def set_title(figure: Figure, *texts: str) -> None:
+    """Set the title of a figure: each text begins a line, and fills as many as it needs."""
+    lines = [line for text in texts for line in wrap(text, _LINE)]
+    figure.suptitle("\n".join(lines), fontsize="small")
 
 
 def _path(

@@ -16,8 +16,6 @@ from symgen.report.tables import table
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from symgen.report.page.sheet import Sheet
-
 
 @dataclass(frozen=True, slots=True)
 class Study:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symgen.errors import ResultError, nearest
+from symgen.report.page.plots import PANELS, also_recorded, save, set_title
 from symgen.report.page.plots import WIDTH as _WIDTH
-from symgen.report.page.plots import save
 from symgen.runtime.many.dataset import EARLY, RECORDED
 from symgen.runtime.many.poses import FLOQUET
 from symgen.runtime.result.records import WRITTEN_UNIT, display_units, key_of, shown_in
@@ -67,7 +67,7 @@ def plot(runs: xarray.Dataset, *names: str, file: str | os.PathLike[str] | None 
     runs
         The result of :meth:`symgen.Model.sweep`.
     names
-        Outputs, such as ``theta1.drive.peak``; all but drifts when absent.
+        Outputs, such as ``theta1.drive.peak``; the first six, drifts excepted, when absent.
     file
         Output file; its extension selects the format.
 
@@ -91,7 +91,9 @@ def plot(runs: xarray.Dataset, *names: str, file: str | os.PathLike[str] | None 
             )
     if names and histories:
         raise ResultError(f"histories are plotted alone: omit {' and '.join(histories)}, or the others")
-    chosen = list(names) or [name for name in known if not name.endswith("_drift")]
+    chosen, omitted = list(names), list[str]()
+    if not names:
+        chosen, omitted = by_default(runs)
     varied = [p for p in parameters_of(runs) if len(np.unique(runs[p].values)) > 1] or parameters_of(runs)
     x = varied[0]
     figure = Picture(figsize=(_WIDTH, 1.0 + 2.6 * len(chosen)), layout="constrained")
@@ -119,10 +121,16 @@ def plot(runs: xarray.Dataset, *names: str, file: str | os.PathLike[str] | None 
             label = "largest Floquet multiplier"
         panel.set_ylabel(label_of(runs, varied[1]))
         figure.colorbar(drawn, ax=panel, label=label)
-    figure.suptitle(str(runs.attrs["title"]), fontsize="medium")
+    set_title(figure, str(runs.attrs["title"]), also_recorded(omitted))
     if file is not None:
         save(figure, file)
     return figure
+
+
+def by_default(runs: xarray.Dataset) -> tuple[list[str], list[str]]:
+    """Return the outputs that a plot of a sweep draws without selection, and those that it omits."""
+    names = [name for name in outputs_of(runs) if not name.endswith("_drift")]
+    return names[:PANELS], names[PANELS:]
 
 
 def _ended_early(runs: xarray.Dataset) -> NDArray[np.bool_]:
@@ -206,7 +214,7 @@ def _curves(runs: xarray.Dataset, names: Sequence[str], file: str | os.PathLike[
         if count <= _LEGEND:
             parameters = ", ".join(label_of(runs, p) for p in parameters_of(runs))
             panel.legend(title=parameters, fontsize="x-small", title_fontsize="x-small")
-    figure.suptitle(str(runs.attrs["title"]), fontsize="medium")
+    set_title(figure, str(runs.attrs["title"]))
     if file is not None:
         save(figure, file)
     return figure

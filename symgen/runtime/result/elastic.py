@@ -163,7 +163,7 @@ class ElasticResult(Result):
             ("method", str(self.provenance["method"])),
             ("steps", str(self.statistics["steps"])),
             ("time", seconds(float(self.statistics["wall_s"]))),
-            ("estimated error", "not estimated" if error is None else f"{error:.1e} of the peak stress"),
+            ("error by time steps", "not estimated" if error is None else f"{error:.1e} of the peak stress"),
         )
 
 
