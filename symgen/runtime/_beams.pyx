@@ -27,21 +27,18 @@ cdef extern from "core/elastic.h" nogil:
     const char *SPREAD_NAMES
 
     cdef struct rigid_motion:
-        pass
+        const double *t
+        const double *y
+        const double *motion
+        const double *joined
+        const double *shaft
+        const double *loads
 
     cdef struct motion_kernels:
         kernel_t links, joints, shaft, loads, setup, joints_setup
 
     cdef struct motion_sizes:
         long links, joints, shaft, loads, setup, joints_setup
-
-    cdef struct motion_view:
-        double t
-        const void *y
-        const void *motion
-        const void *joined
-        const void *shaft
-        const void *loads
 
     cdef struct beam_counts:
         Py_ssize_t unknowns, constraints, pieces, coordinates, masses, dampings, stiffnesses
@@ -76,27 +73,23 @@ cdef extern from "core/elastic.h" nogil:
         const double *values
 
     cdef struct beams:
-        pass
-
-    cdef struct matrices_view:
-        long entries, free, whole, inner, full_entries
+        beam_layout layout
+        Py_ssize_t entries, free, whole, inner, modes
         const Py_ssize_t *rows
         const Py_ssize_t *columns
-        const void *mass
-        const void *damping
-        const void *stiffness
-        const void *load
-        const void *basis
-        const Py_ssize_t *full_rows
-        const Py_ssize_t *full_columns
-        const void *full_mass
-        const void *full_damping
-        const void *full_stiffness
-        const void *full_load
-        const void *bound
-        long modes
-        const void *forces
-        const void *full_forces
+        const double *mass
+        const double *damping
+        const double *stiffness
+        const double *load
+        const double *basis
+        const double *full_mass
+        const double *full_damping
+        const double *full_stiffness
+        const double *full_load
+        double *constants
+        const double *bound
+        const double *forces
+        const double *full_forces
 
     cdef struct elastic_table "elastic_api":
         size_t motion_struct, beams_struct
@@ -105,13 +98,10 @@ cdef extern from "core/elastic.h" nogil:
         void (*motion_start)(rigid_motion *, double, const void *) noexcept nogil
         void (*motion_follow)(rigid_motion *, const void *, const void *, long, double, long) noexcept nogil
         int (*motion_at)(rigid_motion *, double) noexcept nogil
-        void (*motion_view)(const rigid_motion *, motion_view *) noexcept nogil
         int (*motion_along)(rigid_motion *, const void *, long, void *, void *, void *, void *) noexcept nogil
         size_t (*beams_bytes)(const beam_layout *) noexcept nogil
         void (*beams_bind)(beams *, rigid_motion *, const beam_layout *, void *) noexcept nogil
-        void *(*beams_constants)(beams *) noexcept nogil
         int (*beams_assemble)(beams *, double, int) noexcept nogil
-        void (*beams_view)(const beams *, matrices_view *) noexcept nogil
         int (*beams_valid)(const beams *) noexcept nogil
         void (*beams_unbalanced)(beams *, int, const void *, void *) noexcept nogil
         size_t (*beams_carry)(beams *, beam_tangents *, void *) noexcept nogil
@@ -206,9 +196,7 @@ cdef class RigidMotion:
     @property
     def t(self):
         """The present time [s]."""
-        cdef motion_view seen
-        self.api.motion_view(self.core, &seen)
-        return seen.t
+        return float(_doubles(self.equations.of, self.core.t, ()))
 
     def save(self):
         """Return the bytes of its memory, and of that of its equations."""
@@ -221,10 +209,9 @@ cdef class RigidMotion:
 
     def evaluate(self, double t):
         """Return the status, the state, and the results of the kernels links, joints, shaft and loads at a time."""
-        cdef motion_view seen
         cdef int status = self.api.motion_at(self.core, t)
         cdef Core of = self.equations.of
-        self.api.motion_view(self.core, &seen)
+        cdef const rigid_motion *seen = self.core
         return (status, _doubles(of, seen.y, 2 * self.equations.n), _doubles(of, seen.motion, self.sizes.links),
                 _doubles(of, seen.joined, self.sizes.joints), _doubles(of, seen.shaft, self.sizes.shaft),
                 _doubles(of, seen.loads, self.sizes.loads))
@@ -362,6 +349,7 @@ cdef class BeamEquations(Integrable):
     cdef readonly Py_ssize_t whole
     cdef readonly bint thesis
     cdef const elastic_table *api
+    cdef beams *assembly
     cdef _Packed packed
     cdef beam_tangents tangents
     cdef tuple kept
@@ -374,8 +362,9 @@ cdef class BeamEquations(Integrable):
         wanted.thesis = thesis
         self.memory = memory_of(self.api.beams_struct, self.api.beams_bytes(&wanted))
         self.core = <equations *>self.memory.structure
-        self.api.beams_bind(<beams *>self.core, motion.core, &wanted, self.memory.at)
-        self.of.api.widen(wanted.counts.constant_count, &packed.constants[0], NULL, self.api.beams_constants(<beams *>self.core))
+        self.assembly = <beams *>self.core
+        self.api.beams_bind(self.assembly, motion.core, &wanted, self.memory.at)
+        self.of.api.widen(wanted.counts.constant_count, &packed.constants[0], NULL, self.assembly.constants)
         self.bound(np.zeros(1))
         self.whole = layout.unknowns
 
@@ -387,7 +376,7 @@ cdef class BeamEquations(Integrable):
         """Restore the bytes of :meth:`save` for the same equations."""
         self.memory.restore(memory)
         self.motion.restore(memory[self.memory.bytes:])
-        if not self.api.beams_valid(<beams *>self.core):
+        if not self.api.beams_valid(self.assembly):
             raise ValueError("expected indices of equations within their arrays")
 
     def carry(self, times, weights, rows, columns, values):
@@ -411,8 +400,8 @@ cdef class BeamEquations(Integrable):
             raise ValueError(f"expected values of shape {shape}, got {np.shape(values)}")
         x.parameters, x.points, x.entries, x.rows, x.columns = len(values), len(times), entries, &i[0], &j[0]
         x.times, x.weights, x.values = &at[0], &by[0], &of[0, 0, 0]
-        memory = memory_of(0, self.api.beams_carry(<beams *>self.core, x, NULL))
-        self.api.beams_carry(<beams *>self.core, x, memory.at)
+        memory = memory_of(0, self.api.beams_carry(self.assembly, x, NULL))
+        self.api.beams_carry(self.assembly, x, memory.at)
         self.kept = at, by, of, i, j, memory
 
     cdef object _array(self, const void *raw, shape):
@@ -424,9 +413,8 @@ cdef class BeamEquations(Integrable):
         Analysis ``AT_REST``: the structure in its pose, without loads of the motion. ``QUASI_STATIC``: with loads and
         axial forces of the rigid motion, without inertia and damping of the elastic motion.
         """
-        cdef matrices_view seen
+        cdef const beams *seen = self.assembly
         status, rows, columns, entries = self.sparse(t, analysis)
-        self.api.beams_view(<beams *>self.core, &seen)
         made = []
         for values in entries:
             matrix = np.zeros((seen.free, seen.free))
@@ -449,9 +437,8 @@ cdef class BeamEquations(Integrable):
 
         The last two are without the damping of modes if it is stored separately: see ``coupled`` of the layout.
         """
-        cdef matrices_view seen
-        cdef int status = self.api.beams_assemble(<beams *>self.core, t, analysis)
-        self.api.beams_view(<beams *>self.core, &seen)
+        cdef const beams *seen = self.assembly
+        cdef int status = self.api.beams_assemble(self.assembly, t, analysis)
         made = [self._array(seen.mass, seen.entries), self._array(seen.damping, seen.entries),
                 self._array(seen.stiffness, seen.entries)]
         return status, _indices(seen.rows, seen.entries), _indices(seen.columns, seen.entries), made
@@ -459,10 +446,9 @@ cdef class BeamEquations(Integrable):
     def full_stiffness(self):
         """Return rows, columns and entries of the stiffness of all unknowns, constrained or not, at the present
         time."""
-        cdef matrices_view seen
-        self.api.beams_view(<beams *>self.core, &seen)
-        count = seen.full_entries
-        return _indices(seen.full_rows, count), _indices(seen.full_columns, count), self._array(seen.full_stiffness, count)
+        cdef const beams *seen = self.assembly
+        cdef Py_ssize_t count = seen.layout.counts.entries
+        return _indices(seen.layout.rows, count), _indices(seen.layout.columns, count), self._array(seen.full_stiffness, count)
 
     def unbalanced(self, s, int analysis=_QUASI_STATIC):
         """Return K S - Q of all unknowns, (n,), at the time of the last matrices, for an ``analysis``.
@@ -471,7 +457,7 @@ cdef class BeamEquations(Integrable):
         """
         cdef Reals given = Reals(self.of, s), found = Reals(self.of, np.zeros(self.whole))
         at_least("unknowns", given.count, self.whole)
-        self.api.beams_unbalanced(<beams *>self.core, analysis, given.at, found.at)
+        self.api.beams_unbalanced(self.assembly, analysis, given.at, found.at)
         found.back()
         return found.doubles
 
@@ -481,9 +467,9 @@ cdef class BeamEquations(Integrable):
         At rising times, (times, n) and (times, m, n), for S, S' and S'', (times, n) each. See :meth:`matrices` for
         ``analysis``.
         """
-        cdef matrices_view seen
+        cdef const beams *seen = self.assembly
         cdef const double[::1] when = np.ascontiguousarray(times, dtype=float)
-        cdef Py_ssize_t k, i, e, mode, count = when.shape[0], n = self.whole
+        cdef Py_ssize_t k, i, e, mode, count = when.shape[0], n = self.whole, entries = seen.layout.counts.entries
         given = np.ascontiguousarray([a, v, s], dtype=float).reshape(3, count, n)
         found, rows = np.zeros((count, n)), np.zeros((count, self.m, n))
         cdef const double[:, :, ::1] by = given
@@ -492,21 +478,20 @@ cdef class BeamEquations(Integrable):
         cdef double rate
         cdef int status = _DONE
         for k in range(count):
-            status = self.api.beams_assemble(<beams *>self.core, when[k], analysis)
+            status = self.api.beams_assemble(self.assembly, when[k], analysis)
             if status != _DONE:
                 break
-            self.api.beams_view(<beams *>self.core, &seen)
             if k == 0:
-                values, bound = np.empty(seen.full_entries + n + 1), np.empty(self.m * (n - seen.inner) + 1)
+                values, bound = np.empty(entries + n + 1), np.empty(self.m * (n - seen.inner) + 1)
                 forces = np.empty(2 * seen.modes * n + 1)
             self.of.api.narrow(n, seen.full_load, &values[0], NULL)
             for i in range(n):
                 out[k, i] = -values[i]
             for i, raw in enumerate((<size_t>seen.full_mass, <size_t>seen.full_damping, <size_t>seen.full_stiffness)):
-                self.of.api.narrow(seen.full_entries, <const void *><size_t>raw, &values[0], NULL)
+                self.of.api.narrow(entries, <const void *><size_t>raw, &values[0], NULL)
                 summed[:] = 0.0
-                for e in range(seen.full_entries):
-                    summed[seen.full_rows[e]] += values[e] * by[i, k, seen.full_columns[e]]
+                for e in range(entries):
+                    summed[seen.layout.rows[e]] += values[e] * by[i, k, seen.layout.columns[e]]
                 for e in range(n):
                     out[k, e] += summed[e]
             self.of.api.narrow(2 * seen.modes * n, seen.full_forces, &forces[0], NULL)

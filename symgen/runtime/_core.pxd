@@ -74,10 +74,12 @@ cdef extern from "core/core.h" nogil:
         double *out
         double *energies
         double *gaps
+        const char *dropped
 
     cdef struct kind:
         const char *counts
         const char *arrays
+        Py_ssize_t (*numbers)(const long *) noexcept nogil
 
     cdef struct scheme:
         const kind *kind
@@ -91,7 +93,10 @@ cdef extern from "core/core.h" nogil:
         long stabilisation, samples, places_only, found, nodes, continues
 
     cdef struct run:
-        size_t bytes
+        const double *times
+        const double *samples
+        const double *references
+        const double *turns
 
     cdef struct report:
         double t, t_end, h, position_drift, velocity_drift, energy_drift
@@ -168,12 +173,8 @@ cdef extern from "core/core.h" nogil:
         void (*set_parameters)(equations *, const double *, const double *) noexcept nogil
         void (*solve_rows)(equations *, long, const void *, const void *, long, void *, long) noexcept nogil
         int (*check)(equations *, double, const void *) noexcept nogil
-        int (*project)(equations *, double, void *) noexcept nogil
         void (*derivative)(equations *, double, const void *, void *) noexcept nogil
-        account *(*account)(equations *) noexcept nogil
-        const char *(*dropped)(equations *) noexcept nogil
         const kind *(*find_kind)(const char *) noexcept nogil
-        Py_ssize_t (*numbers_of)(const kind *, const long *) noexcept nogil
         size_t (*run_bytes)(const equations *, const scheme *, const task *) noexcept nogil
         void (*run_bind)(run *, equations *, const scheme *, const task *, void *) noexcept nogil
         void (*run_start)(run *, const double *, const double *, const double *, const signed char *, const char *) noexcept nogil
@@ -186,10 +187,6 @@ cdef extern from "core/core.h" nogil:
         int (*run_advance)(run *, long) noexcept nogil
         void (*run_report)(const run *, report *) noexcept nogil
         const void *(*run_state)(const run *) noexcept nogil
-        const void *(*run_times)(const run *) noexcept nogil
-        const void *(*run_samples)(const run *) noexcept nogil
-        const void *(*run_references)(const run *) noexcept nogil
-        const void *(*run_turns)(const run *) noexcept nogil
         long (*take_events)(run *, found_event *, void *) noexcept nogil
         long (*take_passages)(run *, passage *) noexcept nogil
 

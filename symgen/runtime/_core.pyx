@@ -316,7 +316,7 @@ cdef class Scheme:
         self.filled.kind = _kind_of(core.api, method)
         for i, count in enumerate(counts):
             self.counts[i] = count
-        needed = core.api.numbers_of(self.filled.kind, self.counts)
+        needed = self.filled.kind.numbers(self.counts)
         if needed < 0:
             raise ValueError(
                 f"a method of kind {method.kind!r} cannot have the counts {counts}: an explicit one has at "
@@ -396,32 +396,32 @@ cdef class Integrable:
     @property
     def evaluations(self):
         """Number of evaluations of accelerations in runs."""
-        return self.of.api.account(self.core).evaluations
+        return self.core.account.evaluations
 
     @property
     def factorisations(self):
         """Number of factorisations."""
-        return self.of.api.account(self.core).factorisations
+        return self.core.account.factorisations
 
     @property
     def weakest(self):
         """The unknown of least pivot at the last factorisation, -1 for none."""
-        return self.of.api.account(self.core).weakest
+        return self.core.account.weakest
 
     @property
     def soundness(self):
         """The part of that pivot that remains after cancellation."""
-        return self.of.api.account(self.core).soundness
+        return self.core.account.soundness
 
     @property
     def lost(self):
         """Number of vanished pivots of redundant constraints at the last factorisation."""
-        return self.of.api.account(self.core).lost
+        return self.core.account.lost
 
     @property
     def missed(self):
         """Error of redundant constraints [m] at their last evaluation."""
-        return self.of.api.account(self.core).missed
+        return self.core.account.missed
 
     @property
     def redundant(self):
@@ -467,8 +467,7 @@ cdef class Integrable:
 
     def lost_rows(self):
         """Return the numbers of the constraints that depend on others at the last factorisation."""
-        cdef const char *dropped = self.of.api.dropped(self.core)
-        return [i for i in range(self.m) if dropped[i]]
+        return [i for i in range(self.m) if self.core.dropped[i]]
 
     def set_parameters(self, const double[::1] parameters):
         """Set the parameters, branches of loads included, and compute the quantities that depend on them alone."""
@@ -822,9 +821,9 @@ cdef class Run:
         With choices of coordinates these are the state in the present ones, the choices, and the usual coordinates."""
         cdef const sizes *of = &self.equations.core.sizes
         self.of.api.run_record(self.core)
-        return (self._doubles(self._present(self.of.api.run_samples(self.core), self.dim), 1, self.dim)[0],
-                self._doubles(self._present(self.of.api.run_references(self.core), of.windings), 1, of.windings)[0],
-                self._doubles(self._present(self.of.api.run_turns(self.core), of.turns), 1, of.turns)[0])
+        return (self._doubles(self._present(self.core.samples, self.dim), 1, self.dim)[0],
+                self._doubles(self._present(self.core.references, of.windings), 1, of.windings)[0],
+                self._doubles(self._present(self.core.turns, of.turns), 1, of.turns)[0])
 
     def outputs(self, KernelEquations at, uintptr_t address, numbers, turning):
         """Return the output of a kernel of doubles at the present state, with one number more.
@@ -834,8 +833,8 @@ cdef class Run:
         by revolutions.
         """
         cdef const sizes *of = &self.equations.core.sizes
-        cdef const double *y = self._present(self.of.api.run_samples(self.core), self.dim)
-        cdef const double *turns = self._present(self.of.api.run_turns(self.core), of.turns)
+        cdef const double *y = self._present(self.core.samples, self.dim)
+        cdef const double *turns = self._present(self.core.turns, of.turns)
         cdef Py_ssize_t place, turn
         cdef double[::1] out = np.empty(numbers[5] + 1)
         if not (at.of.api.real_bytes == sizeof(double) and at.core.sizes.parameters == of.parameters
@@ -892,22 +891,22 @@ cdef class Run:
     @property
     def result(self):
         """The recorded states, one row per time."""
-        return self._doubles(self.of.api.run_samples(self.core), self.recorded, self.dim)
+        return self._doubles(self.core.samples, self.recorded, self.dim)
 
     @property
     def sampled(self):
         """The times of the recorded states."""
-        return self._doubles(self.of.api.run_times(self.core), 1, self.recorded)[0]
+        return self._doubles(self.core.times, 1, self.recorded)[0]
 
     @property
     def references(self):
         """The references of the angles in loads at the recorded times, one row per time."""
-        return self._doubles(self.of.api.run_references(self.core), self.recorded, self.equations.core.sizes.windings)
+        return self._doubles(self.core.references, self.recorded, self.equations.core.sizes.windings)
 
     @property
     def turns(self):
         """The continuous angles of links at the recorded times, one row per time."""
-        return self._doubles(self.of.api.run_turns(self.core), self.recorded, self.equations.core.sizes.turns)
+        return self._doubles(self.core.turns, self.recorded, self.equations.core.sizes.turns)
 
     def called(self, uintptr_t address, sizes, const double[::1] p):
         """Return the output of a kernel of doubles without work memory, one row per recorded state of a run in
@@ -919,8 +918,8 @@ cdef class Run:
         found = np.empty((self.recorded, size))
         cdef double[:, ::1] out = found
         cdef double none = 0.0
-        self.of.api.call_rows(<kernel_t>address, self.recorded, self.of.api.run_times(self.core),
-                              self.of.api.run_samples(self.core), self.dim, self.equations.n, &p[0], &none, 0,
+        self.of.api.call_rows(<kernel_t>address, self.recorded, self.core.times,
+                              self.core.samples, self.dim, self.equations.n, &p[0], &none, 0,
                               &out[0, 0], size)
         raise_failure()
         return found

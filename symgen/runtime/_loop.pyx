@@ -26,9 +26,6 @@ cdef extern from "core/loops.h" nogil:
         _STATUS "STATUS"
         DIAGNOSES
 
-    cdef struct loop:
-        pass
-
     cdef struct loop_kernels:
         kernel_t inputs, position, motion, inverse, given, outputs, energy, setup, events, series
 
@@ -42,6 +39,9 @@ cdef extern from "core/loops.h" nogil:
     cdef struct loop_account:
         double closure, rates_left, hold
         long iterations
+
+    cdef struct loop:
+        loop_account *seen
 
 cdef extern from "core/loop_lanes.h" nogil:
     cdef struct loop_lanes:
@@ -76,7 +76,6 @@ cdef extern from "core/loops.h" nogil:
         size_t loop_struct
         size_t (*bytes)(const loop_sizes *) noexcept nogil
         void (*bind)(loop *, const loop_sizes *, const loop_kernels *, const Py_ssize_t *, const unsigned char *, const ball *, void *) noexcept nogil
-        loop_account *(*seen)(loop *) noexcept nogil
         int (*close)(loop *, double, void *) noexcept nogil
         int (*assemble)(loop *, double, void *, long *) noexcept nogil
         double (*closed_screws)(loop *, double, const void *, void *) noexcept nogil
@@ -195,7 +194,7 @@ cdef class LoopEquations(Integrable):
         self.memory = memory_of(self.api.loop_struct, self.api.bytes(&wanted))
         self.core = <equations *>self.memory.structure
         self.api.bind(<loop *>self.core, &wanted, &functions, &self.numbers[0], &self.lengths[0], self.balls, self.memory.at)
-        self.seen = self.api.seen(<loop *>self.core)
+        self.seen = (<loop *>self.core).seen
         self.bound(parameters)
 
     @property

@@ -289,16 +289,14 @@ cdef class Starts:
         """Write the start to the row of the state; return whether it is regular."""
         cdef double t = 0.0, size = 0.0, least
         cdef Py_ssize_t i, kept
-        cdef const char *dropped
         if not self.assembled():
             return False
         memset(&self.row[0], 0, self.row.shape[0] * sizeof(double))
         memcpy(&self.row[0], self.s.q, self.n * sizeof(double))
         if self.api.check(self.e, 0.0, &self.row[0]) != _DONE:
             return False
-        dropped = self.api.dropped(self.e)
         for i in range(self.m):
-            if dropped[i]:
+            if self.e.dropped[i]:
                 return False
         if self.kernels.mass != NULL:
             kept = self.of_start.velocities(self.s, &self.none_dropped[0])
@@ -430,8 +428,8 @@ cdef class LinkageRuns(Starts):
             return False
         drift[0], drift[1] = r.position_drift, r.energy_drift
         if self.turns:
-            memcpy(turns, self.api.run_turns(self.core), count * self.turns * sizeof(double))
-        self.evaluate(<const double *>self.api.run_samples(self.core), out)
+            memcpy(turns, self.core.turns, count * self.turns * sizeof(double))
+        self.evaluate(self.core.samples, out)
         return True
 
     cdef void evaluate(self, const double *samples, double *out) noexcept nogil:

@@ -193,21 +193,8 @@ static int finish(struct run *run, real h, real t_new) {
     return DONE;
 }
 
-static void prepare(struct run *run, real h) {
-    (void)run, (void)h;
-}
-
-/* The cubic through both ends. */
-static void interpolate(struct run *run, real h, real theta, real *y) {
-    real s = theta, r = 1 - s;
-    for (long i = 0; i < run->dim; i++)
-        y[i] = run->y[i] + s * s * (R(3) - R(2) * s) * (run->y_new[i] - run->y[i])
-               + h * s * r * (r * run->f[i] - s * run->f_new[i]);
-}
-
 static void accept(struct run *run) {
     struct alpha x = memory_of(run);
-    memcpy(x.f, x.f_new, (size_t)run->dim * sizeof(real));
     memcpy(x.a, x.a_new, (size_t)run->e->n * sizeof(real));
     memcpy(x.motion, x.motion_new, (size_t)run->e->n * sizeof(real));
 }
@@ -217,6 +204,6 @@ static int valid(const struct run *run) {
 }
 
 const struct kind alpha_kind = {
-    "alpha", "", "alpha_m alpha_f beta gamma", 0, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept,
+    "alpha", "", "alpha_m alpha_f beta gamma", 0, bytes, numbers, bind, begin, step, finish, NULL, hermite, accept,
     valid, NULL, NULL, NULL,
 };

@@ -439,18 +439,9 @@ static int finish(struct run *run, real h, real t_new) {
     return b->layout.counts.constraints ? beams_choose(b) : DONE;
 }
 
-static void prepare(struct run *run, real h) {
-    (void)run, (void)h;
-}
-
-static void interpolate(struct run *run, real h, real theta, real *y) {
-    hermite(run, h, theta, y);
-}
-
 static void accept(struct run *run) {
     const struct beam_steps x = steps_of(run);
     const size_t row = (size_t)run->dim * sizeof(real);
-    memcpy(run->f, run->f_new, row);
     if (x.past < 2)
         return;
     memmove(x.before + run->dim, x.before, (size_t)(x.past - 2) * row);
@@ -466,5 +457,5 @@ static int valid(const struct run *run) {
 
 const struct kind beam_kind = {
     "beam_steps", "stages past", "at gamma beta inertia rate place a aa b ba c", 1, bytes, numbers, bind, begin, step, finish,
-    prepare, interpolate, accept, valid, NULL, NULL, NULL,
+    NULL, hermite, accept, valid, NULL, NULL, NULL,
 };

@@ -373,10 +373,6 @@ static int finish(struct run *run, real h, real t_new) {
     return DONE;
 }
 
-static void prepare(struct run *run, real h) {
-    (void)run, (void)h;
-}
-
 /* The polynomial with the second rates of the stages, less a linear part: the end is on the constraints. */
 static void interpolate(struct run *run, real h, real theta, real *y) {
     const struct collocation c = step_of(run, h);
@@ -410,11 +406,7 @@ static void interpolate(struct run *run, real h, real theta, real *y) {
     y[2 * n] = run->y[2 * n] + theta * (run->y_new[2 * n] - run->y[2 * n]);
 }
 
-static void accept(struct run *run) {
-    (void)run;
-}
-
 const struct kind collocation_kind = {
     "collocation", "stages", "a aa b ba c eigenvalues vectors inverse powers", 1, bytes, numbers, bind, begin, step, finish,
-    prepare, interpolate, accept, NULL, NULL, NULL, NULL,
+    NULL, interpolate, NULL, NULL, NULL, NULL, NULL,
 };

@@ -46,24 +46,8 @@ static int check_at(struct equations *e, double t, const void *y) {
     return e->of->factorise(e, R(t), y);
 }
 
-static int project_at(struct equations *e, double t, void *y) {
-    return e->of->project(e, R(t), y);
-}
-
 static void derivative_at(struct equations *e, double t, const void *y, void *dy) {
     e->of->derivative(e, R(t), y, dy);
-}
-
-static struct account *account_of(struct equations *e) {
-    return e->account;
-}
-
-static const char *dropped_of(struct equations *e) {
-    return e->dropped;
-}
-
-static ptrdiff_t numbers_of(const struct kind *kind, const long *counts) {
-    return kind->numbers(counts);
 }
 
 static void run_start(struct run *run, const double *y0, const double *y0_low, const double *times,
@@ -121,22 +105,6 @@ static const void *state_of(const struct run *run) {
     return run->stage;
 }
 
-static const void *times_of(const struct run *run) {
-    return run->times;
-}
-
-static const void *samples_of(const struct run *run) {
-    return run->samples;
-}
-
-static const void *references_of(const struct run *run) {
-    return run->references;
-}
-
-static const void *turns_of(const struct run *run) {
-    return run->turns;
-}
-
 static long take_events(struct run *run, struct found_event *events, void *states) {
     long count = run->state->events;
     for (long i = 0; i < count; i++)
@@ -176,12 +144,8 @@ const struct core_api symgen_core = {
     .set_parameters = set_parameters,
     .solve_rows = solve_rows,
     .check = check_at,
-    .project = project_at,
     .derivative = derivative_at,
-    .account = account_of,
-    .dropped = dropped_of,
     .find_kind = find_kind,
-    .numbers_of = numbers_of,
     .run_bytes = run_bytes,
     .run_bind = run_bind,
     .run_start = run_start,
@@ -194,10 +158,6 @@ const struct core_api symgen_core = {
     .run_advance = run_advance,
     .run_report = run_report,
     .run_state = state_of,
-    .run_times = times_of,
-    .run_samples = samples_of,
-    .run_references = references_of,
-    .run_turns = turns_of,
     .take_events = take_events,
     .take_passages = take_passages,
 };

@@ -25,7 +25,7 @@
 #endif
 
 /* The binding refuses a compiled core with another version. */
-#define CORE_VERSION 23L
+#define CORE_VERSION 24L
 
 /* A run in doubles. */
 struct report {
@@ -75,13 +75,9 @@ struct core_api {
     void (*solve_rows)(struct equations *e, long rows, const void *t, const void *y, long y_stride, void *out,
                        long out_stride);
     int (*check)(struct equations *e, double t, const void *y);
-    int (*project)(struct equations *e, double t, void *y);
     void (*derivative)(struct equations *e, double t, const void *y, void *dy);
-    struct account *(*account)(struct equations *e);
-    const char *(*dropped)(struct equations *e);
 
     const struct kind *(*find_kind)(const char *name);
-    ptrdiff_t (*numbers_of)(const struct kind *kind, const long *counts);
     size_t (*run_bytes)(const struct equations *e, const struct scheme *scheme, const struct task *task);
     void (*run_bind)(struct run *run, struct equations *e, const struct scheme *scheme, const struct task *task,
                      void *memory);
@@ -97,10 +93,6 @@ struct core_api {
     int (*run_advance)(struct run *run, long most);
     void (*run_report)(const struct run *run, struct report *report);
     const void *(*run_state)(const struct run *run);     /* y, dim reals */
-    const void *(*run_times)(const struct run *run);     /* of samples */
-    const void *(*run_samples)(const struct run *run);   /* rows of dim reals */
-    const void *(*run_references)(const struct run *run); /* of angles in loads, one row per sample */
-    const void *(*run_turns)(const struct run *run); /* continuous angles of links, one row per sample */
     /* Copy the recorded events or passages (states in reals) and clear the record; return their number. */
     long (*take_events)(struct run *run, struct found_event *events, void *states);
     long (*take_passages)(struct run *run, struct passage *passages);

@@ -10,10 +10,6 @@ static int move_to(struct rigid_motion *m, double t) {
     return motion_at(m, R(t));
 }
 
-static void view_motion(const struct rigid_motion *m, struct motion_view *view) {
-    *view = (struct motion_view){(double)*m->t, m->y, m->motion, m->joined, m->shaft, m->loads};
-}
-
 static int along(struct rigid_motion *m, const void *times, long count, void *y, void *solutions, void *motion, void *loads) {
     const struct equations *e = m->e;
     const size_t sizes[] = {(size_t)e->dim * sizeof(real), (size_t)m->sizes.links * sizeof(real), (size_t)m->sizes.loads * sizeof(real)};
@@ -31,42 +27,11 @@ static int along(struct rigid_motion *m, const void *times, long count, void *y,
     return DONE;
 }
 
-static void *constants_of(struct beams *b) {
-    return b->constants;
-}
-
 static int assemble_at(struct beams *b, double t, int analysis) {
     b->analysis = analysis;
     const int status = beams_assemble(b, R(t), 1);
     b->analysis = IN_MOTION;
     return status;
-}
-
-static void view_matrices(const struct beams *b, struct matrices_view *view) {
-    *view = (struct matrices_view){
-        .entries = (long)b->entries,
-        .free = (long)b->free,
-        .whole = (long)b->whole,
-        .inner = (long)b->inner,
-        .rows = b->rows,
-        .columns = b->columns,
-        .mass = b->mass,
-        .damping = b->damping,
-        .stiffness = b->stiffness,
-        .load = b->load,
-        .basis = b->basis,
-        .full_entries = (long)b->layout.counts.entries,
-        .full_rows = b->layout.rows,
-        .full_columns = b->layout.columns,
-        .full_mass = b->full_mass,
-        .full_damping = b->full_damping,
-        .full_stiffness = b->full_stiffness,
-        .full_load = b->full_load,
-        .bound = b->bound,
-        .modes = (long)b->modes,
-        .forces = b->forces,
-        .full_forces = b->full_forces,
-    };
 }
 
 static void unbalanced(struct beams *b, int analysis, const void *s, void *out) {
@@ -88,13 +53,10 @@ const struct elastic_api symgen_elastic = {
     .motion_start = start_motion,
     .motion_follow = motion_follow,
     .motion_at = move_to,
-    .motion_view = view_motion,
     .motion_along = along,
     .beams_bytes = beams_bytes,
     .beams_bind = beams_bind,
-    .beams_constants = constants_of,
     .beams_assemble = assemble_at,
-    .beams_view = view_matrices,
     .beams_unbalanced = unbalanced,
     .beams_valid = beams_valid,
     .beams_carry = beams_carry,

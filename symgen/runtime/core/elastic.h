@@ -4,23 +4,6 @@
 
 #include "beams.h"
 
-/* Views of arrays of the motion, valid as long as the motion. */
-struct motion_view {
-    double t;
-    const void *y, *motion, *joined, *shaft, *loads;
-};
-
-struct matrices_view {
-    long entries, free, whole, inner;
-    const ptrdiff_t *rows, *columns;
-    const void *mass, *damping, *stiffness, *load, *basis;
-    long full_entries;
-    const ptrdiff_t *full_rows, *full_columns;
-    const void *full_mass, *full_damping, *full_stiffness, *full_load, *bound;
-    long modes;
-    const void *forces, *full_forces;
-};
-
 struct elastic_api {
     size_t motion_struct, beams_struct;
 
@@ -31,15 +14,12 @@ struct elastic_api {
     void (*motion_follow)(struct rigid_motion *m, const void *rows, const void *references, long count, double spacing,
                           long absent);
     int (*motion_at)(struct rigid_motion *m, double t);
-    void (*motion_view)(const struct rigid_motion *m, struct motion_view *view);
     /* Write y, solutions, the motion of links and loads, one row per time; DONE or the status of the failure. */
     int (*motion_along)(struct rigid_motion *m, const void *times, long count, void *y, void *solutions, void *motion, void *loads);
 
     size_t (*beams_bytes)(const struct beam_layout *layout);
     void (*beams_bind)(struct beams *b, struct rigid_motion *motion, const struct beam_layout *layout, void *memory);
-    void *(*beams_constants)(struct beams *b);
     int (*beams_assemble)(struct beams *b, double t, int analysis);
-    void (*beams_view)(const struct beams *b, struct matrices_view *view);
     /* Whether the indices in a restored memory are within their arrays. */
     int (*beams_valid)(const struct beams *b);
     void (*beams_unbalanced)(struct beams *b, int analysis, const void *s, void *out);

@@ -293,9 +293,7 @@ static void locate_between_probes(struct run *run, real h, int *prepared) {
             see(run, i);
     if (!any_passes(run))
         return;
-    if (!*prepared)
-        run->scheme.kind->prepare(run, h);
-    *prepared = 1;
+    prepare_interpolation(run, h, prepared);
     probe_events(run, h, 1);
     for (long i = 0; i < events; i++)
         if (run->probed[i])

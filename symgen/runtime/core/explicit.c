@@ -131,11 +131,7 @@ static void interpolate(struct run *run, real h, real theta, real *y) {
     add_stages(weights, x.all, R(1), run->own, run->dim, run->y, y);
 }
 
-static void accept(struct run *run) {
-    copy(run->f_new, run->dim, run->f);
-}
-
 const struct kind explicit_kind = {
-    "explicit", EXPLICIT_COUNTS, EXPLICIT_ARRAYS, 0, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept,
+    "explicit", EXPLICIT_COUNTS, EXPLICIT_ARRAYS, 0, bytes, numbers, bind, begin, step, finish, prepare, interpolate, NULL,
     NULL, NULL, NULL, NULL,
 };

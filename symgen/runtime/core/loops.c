@@ -2,10 +2,6 @@
 
 #include <string.h>
 
-static struct loop_account *seen_of(struct loop *l) {
-    return l->seen;
-}
-
 static int close_at(struct loop *l, double t, void *q) {
     return loop_close(l, R(t), q);
 }
@@ -41,7 +37,6 @@ const struct loops_api symgen_loops = {
     .loop_struct = sizeof(struct loop),
     .bytes = loop_bytes,
     .bind = loop_bind,
-    .seen = seen_of,
     .close = close_at,
     .assemble = assemble,
     .closed_screws = closed_screws,

@@ -9,7 +9,6 @@ struct loops_api {
     size_t (*bytes)(const struct loop_sizes *sizes);
     void (*bind)(struct loop *l, const struct loop_sizes *sizes, const struct loop_kernels *kernels,
                  const ptrdiff_t *numbers, const unsigned char *is_length, const struct ball *balls, void *memory);
-    struct loop_account *(*seen)(struct loop *l);
     int (*close)(struct loop *l, double t, void *q);
     int (*assemble)(struct loop *l, double t, void *q, long *rank);
     /* Leave the screws of all variables (6 x n reals) at q; return the defect of closure. */

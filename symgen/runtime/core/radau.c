@@ -351,10 +351,6 @@ static int finish(struct run *run, real h, real t_new) {
     return DONE;
 }
 
-static void prepare(struct run *run, real h) {
-    (void)run, (void)h;
-}
-
 static void interpolate(struct run *run, real h, real theta, real *y) {
     struct coefficients m = coefficients_in_reals();
     struct radau x = memory_of(run);
@@ -368,7 +364,6 @@ static void accept(struct run *run) {
     struct state *s = run->state;
     struct radau x = memory_of(run);
     real h = x.memo[H], h_old = x.memo[H_OLD], norm = real_fmax(s->norm, R(1e-2));
-    memcpy(x.f, x.f_new, (size_t)run->dim * sizeof(real));
     memcpy(x.z_old, x.z, (size_t)(STAGES * run->dim) * sizeof(real));
     x.memo[FRESH] = 0;
     x.memo[H_OLD] = h;
@@ -393,6 +388,6 @@ static int valid(const struct run *run) {
 }
 
 const struct kind radau_kind = {
-    "radau", "", "t t_inverse", 0, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept,
+    "radau", "", "t t_inverse", 0, bytes, numbers, bind, begin, step, finish, NULL, interpolate, accept,
     valid, NULL, NULL, NULL,
 };

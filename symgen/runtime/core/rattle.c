@@ -333,15 +333,11 @@ static void interpolate(struct run *run, real h, real theta, real *y) {
                    + h * s * r * (r * x.y[2 * n] - s * x.rate[2 * n]);
 }
 
-static void accept(struct run *run) {
-    memcpy(run->f, run->f_new, (size_t)run->dim * sizeof(real));
-}
-
 static int valid(const struct run *run) {
     return all_below(run->e->m, memory_of(run).swaps, run->e->m);
 }
 
 const struct kind rattle_kind = {
-    "rattle", "parts", "side", 1, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept,
+    "rattle", "parts", "side", 1, bytes, numbers, bind, begin, step, finish, prepare, interpolate, NULL,
     valid, NULL, NULL, NULL,
 };

@@ -29,19 +29,19 @@ struct motion_path {
 
 struct rigid_motion {
     struct equations *e;
+    /* present state: what the binding reads is at the same places in every core */
+    real *t;       /* time [s], in memory */
+    real *y, *motion, *joined, *shaft, *loads;
+    long *solved;  /* whether accelerations are those of the state */
+    real *began, *before, *still, *out;
+    void *branch; /* memory of return_to_branch, if the motion is driven */
+    int driven;
+    real *p, *joints_p; /* parameters of the kernels of the motion and of the joints */
     struct motion_path path; /* no rows: the drives determine the motion */
     struct motion_kernels kernels;
     struct motion_sizes sizes;
     real stride;   /* longest time over which a state is a good prediction of the next [s] */
     real began_at;
-    /* present state */
-    real *t;       /* time [s], in memory */
-    long *solved;  /* whether accelerations are those of the state */
-    real *y, *began, *before, *still, *out;
-    void *branch; /* memory of return_to_branch, if the motion is driven */
-    int driven;
-    real *motion, *joined, *shaft, *loads;
-    real *p, *joints_p; /* parameters of the kernels of the motion and of the joints */
 };
 
 /* Bytes of memory, without the struct itself. */

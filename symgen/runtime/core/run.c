@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "arena.h"
+#include "lanes.h"
 
 /* Safety factor of the length of the next step. */
 #define SAFETY 0.9
@@ -571,7 +572,9 @@ static int one_step(struct run *run) {
     s->t_old = s->t, s->sound = sound;
     memcpy(run->y, run->y_new, bytes);
     follow_windings(run, t_new);
-    kind->accept(run);
+    copy(run->f_new, run->dim, run->f);
+    if (kind->accept != NULL)
+        kind->accept(run);
     if (!run->scheme.adaptive && !is_counted(run))
         s->t_left = (h + s->t_left) - (t_new - s->t);
     s->t = t_new;

@@ -89,11 +89,12 @@ struct kind {
     int (*step)(struct run *run, real t, real h, real t_new);
     /* y_new is accepted and projected: write dy/dt there to f_new. Returns a status. */
     int (*finish)(struct run *run, real h, real t_new);
-    /* Prepare the data of interpolate, once per step, before its first call between y and y_new. */
+    /* Prepare the data of interpolate, once per step, before its first call between y and y_new; NULL if there are none.
+       */
     void (*prepare)(struct run *run, real h);
     /* Write the interpolated state at t + theta h, 0 <= theta <= 1; not projected. */
     void (*interpolate)(struct run *run, real h, real theta, real *y);
-    /* y_new has become y: carry over the data of the next step, such as f = f_new. */
+    /* y_new has become y, and f_new f: carry over further data of the next step; NULL if there are none. */
     void (*accept)(struct run *run);
     /* Whether the indices in a restored run->own are within their arrays; NULL if there are none. */
     int (*valid)(const struct run *run);
@@ -284,6 +285,13 @@ static inline int is_magnified(const struct run *run) {
 /* Whether steps have polynomials of the values of the kernel `events`. */
 static inline int has_polynomials(const struct run *run) {
     return run->scheme.kind->polynomial != NULL && run->e->sizes.series_watched > 0;
+}
+
+/* Prepare the interpolation of the present step, unless it is `prepared`. */
+static inline void prepare_interpolation(struct run *run, real h, int *prepared) {
+    if (!*prepared && run->scheme.kind->prepare != NULL)
+        run->scheme.kind->prepare(run, h);
+    *prepared = 1;
 }
 
 int all_finite(const real *v, long count);

@@ -49,9 +49,7 @@ int record_samples(struct run *run, real t_new, real until, real h, double sound
         if (wanted == t_new && sound >= PASSAGE) {
             memcpy(sample, run->y_new, (size_t)run->dim * sizeof(real));
         } else {
-            if (!*prepared)
-                run->scheme.kind->prepare(run, h);
-            *prepared = 1;
+            prepare_interpolation(run, h, prepared);
             int status = one_sample(run, until, h, sample);
             if (status != DONE)
                 return status;

@@ -209,9 +209,7 @@ static long first_passed(struct run *run, real t_new, real h, real *theta) {
             real to = run->switch_gaps[j * switches + k], at;
             if (!(to < 0) || !(to < -blur(run, k, run->state->t, run->y)))
                 continue;
-            if (!prepared)
-                run->scheme.kind->prepare(run, h);
-            prepared = 1;
+            prepare_interpolation(run, h, &prepared);
             at = passed_at(run, h, k, probe_place(j - 1), probe_place(j));
             if (at < *theta)
                 *theta = at, first = k;

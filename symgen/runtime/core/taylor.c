@@ -262,10 +262,6 @@ static int finish(struct run *run, real h, real t_new) {
     return expand(run, 1 - *x.present, t_new, run->y_new, run->f_new);
 }
 
-static void prepare(struct run *run, real h) {
-    (void)run, (void)h;
-}
-
 static void interpolate(struct run *run, real h, real theta, real *y) {
     evaluate(run, theta * h, y);
 }
@@ -278,7 +274,6 @@ static void places(const struct run *run, real h, real *q) {
 static void accept(struct run *run) {
     long *present = taylor_of(run).present;
     *present = 1 - *present;
-    copy(run->f_new, run->dim, run->f);
 }
 
 static int valid(const struct run *run) {
@@ -288,6 +283,6 @@ static int valid(const struct run *run) {
 }
 
 const struct kind taylor_kind = {
-    "taylor", "order", "", 0, bytes, numbers, bind, begin, step, finish, prepare, interpolate, accept, valid, longest,
+    "taylor", "order", "", 0, bytes, numbers, bind, begin, step, finish, NULL, interpolate, accept, valid, longest,
     polynomial, places,
 };
