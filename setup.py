@@ -1,9 +1,12 @@
-"""Compiles what ``generated/manifest.json`` lists, and the runtime core."""
+"""Compiles what ``generated/manifest.json`` lists, and the runtime core, whose types for Python it writes."""
 
+import ast
 import json
 import os
+import re
 from hashlib import sha256
 from pathlib import Path
+from textwrap import dedent, indent
 
 from Cython.Build import cythonize
 from setuptools import Extension, find_packages, setup
@@ -34,6 +37,36 @@ CORE = Path("symgen/runtime/core")
 # several times as long. Calls of models from Python are checks of their arguments.
 WRITTEN = "build/cython"
 LIGHTLY = {f"{WRITTEN}/symgen/": 1, f"{WRITTEN}/generated/": "g"}
+
+# Types for Python of numbers in C, and of arrays of them.
+TYPES = {"double": "float", "bint": "bool", "long": "int", "Py_ssize_t": "int", "uintptr_t": "int"}
+ARRAYS = {"double": "Array", "Py_ssize_t": "Indices", "unsigned char": "NDArray[np.uint8] | bytes"}
+ARRAYS |= {"char": "NDArray[np.int8]", "signed char": "NDArray[np.int8]"}
+# An argument with a type of C; one with None as its default.
+ARGUMENT = re.compile(r"(?:const )?\b((?:un)?signed char|\w+)(\[[:, 1]+\])? (\w+)(=None)?")
+# A class, with what it declares.
+CLASS = re.compile(r"^cdef class (\w+).*\n((?:    .*\n|\n)+)", re.MULTILINE)
+# What a binding has for Python: imports of its classes and for types; constants, of type int unless a comment
+# tells another; classes; attributes; functions that tell the type of their result; constructors.
+DECLARATION = re.compile(
+    r"^from (?P<module>symgen\S*) cimport (?P<names>\([^)]*\)|.*)$"
+    r"|^if TYPE_CHECKING:\n(?P<block>(?:    .*\n|\n)+)"
+    r"|^(?P<constants>[A-Z_]+(?:, [A-Z_]+)*) = .*?(?:  # type: (?P<of>.+))?$"
+    r"|^cdef (?P<name>class .*:)$"
+    r"|^    cdef readonly (?P<kind>\w+) (?P<attributes>.+?)(?:  # type: (?P<held>.+))?$"
+    r"|^(?P<function>(?: *@property\n)? *def (?:__init__\((?:[^()]|\(\))*\)|\w+\((?:[^()]|\(\))*\) -> .+):)$",
+    re.MULTILINE,
+)
+STUB = '''"""Types of the binding ``{}``, written by ``setup.py``; see there for what things do."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from symgen.runtime.arrays import Array, Indices
+'''
 
 extensions = [
     Extension(SHARED, []),
@@ -73,6 +106,50 @@ extensions = [
         for name, model in sorted(MODELS.items())
     ),
 ]
+
+
+def signature(text):
+    """Return a function of a binding with types of Python instead of those of C."""
+
+    def typed(at):
+        kind, array, name, none = at.groups()
+        kind = ARRAYS[kind] if array else TYPES.get(kind, kind)
+        return f"{name}: {kind} | None=None" if none else f"{name}: {kind}"
+
+    function = ast.parse(ARGUMENT.sub(typed, dedent(text).replace("def ", "def\t")) + " ...").body[0]
+    arguments, unknown = function.args, ast.Constant(...)
+    arguments.defaults = [unknown for _ in arguments.defaults]
+    arguments.kw_defaults = [default and unknown for default in arguments.kw_defaults]
+    function.returns = function.returns or ast.Constant(None)
+    return ast.unparse(function)
+
+
+def stub(path):
+    """Write the types of a binding for Python, from its declarations, if they have changed."""
+    source, header = path.read_text(encoding="utf-8"), path.with_suffix(".pxd")
+    lines = [STUB.format(path.name)]
+    for name, body in re.findall(CLASS, header.read_text(encoding="utf-8")) if header.exists() else ():
+        declared = "".join(re.findall(r"    cdef readonly .*\n", body))
+        source = re.sub(rf"^cdef class {name}\b.*\n", rf"\g<0>{declared}", source, flags=re.MULTILINE)
+    for at in DECLARATION.finditer(source):
+        if at["names"]:
+            names = re.findall(r"\b[A-Z][a-z]\w+", at["names"])
+            lines += [f"from {at['module']} import {name}" for name in names]
+        elif at["block"]:
+            lines.append(dedent(at["block"]))
+        elif at["constants"]:
+            lines += [f"{name}: {at['of'] or 'int'}" for name in at["constants"].split(", ")]
+        elif at["name"]:
+            lines.append(f"{at['name']}\n    ...")
+        elif at["attributes"]:
+            held = at["held"] or TYPES.get(at["kind"], at["kind"])
+            lines += [f"    {name}: {held}" for name in at["attributes"].split(", ")]
+        else:
+            within = len(at["function"]) - len(at["function"].lstrip(" "))
+            lines.append(indent(signature(at["function"]), " " * within))
+    written, there = "\n".join(lines) + "\n", path.with_suffix(".pyi")
+    if not there.exists() or there.read_text(encoding="utf-8") != written:
+        there.write_text(written, encoding="utf-8")
 
 
 class BuildExt(build_ext):
@@ -135,6 +212,9 @@ class EditableWheel(editable_wheel):
         )
 
 
+for binding in sorted(Path("symgen/runtime").glob("*.pyx")):
+    stub(binding)
+
 setup(
     packages=[*find_packages(include=["symgen", "symgen.*"]), "symgen.generated", "symgen.templates"],
     cmdclass={"build_ext": BuildExt, "editable_wheel": EditableWheel},
@@ -142,6 +222,7 @@ setup(
         extensions,
         build_dir=WRITTEN,
         language_level=3,
+        compiler_directives={"annotation_typing": False},  # they are for Python
         shared_utility_qualified_name=SHARED,
     ),
     options={"build_ext": {"parallel": os.cpu_count()}},

@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -208,6 +209,19 @@ def test_shared_rooms_of_the_runtime_import_no_room_of_a_method():
     shared = [p for p in files if parts[p] not in ROOMS_OF_METHODS | BINDINGS_OF_METHODS]
     found = [f"{p.relative_to(ROOT)}: {', '.join(sorted(r))}" for p in shared if (r := rooms_of_methods(p))]
     assert len(shared) > 70 and not found, "\n".join(sorted(found))
+
+
+def test_public_functions_of_bindings_tell_the_type_of_their_result():
+    """The installation writes types for Python from what ``.pyx`` files declare, and leaves other functions out."""
+    for path in (ROOT / "runtime").glob("*.pyx"):
+        binding = import_module(f"symgen.runtime.{path.stem}")
+        owners = [binding, *(x for x in vars(binding).values() if isinstance(x, type))]
+        found = {
+            f"{n} of {o.__name__}": x for o in owners for n, x in vars(o).items() if not n.startswith("_")
+        }
+        compiled = {n: x for n, x in found.items() if type(x).__name__ == "cython_function_or_method"}
+        untyped = [n for n, x in compiled.items() if "return" not in x.__annotations__]
+        assert not untyped, f"{path.name}: {', '.join(untyped)}"
 
 
 def test_every_entry_of_the_registry_exists():

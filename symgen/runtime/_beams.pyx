@@ -1,6 +1,8 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """The binding of elastic links in the core: their rigid reference motion and equations."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from libc.string cimport memset
@@ -10,6 +12,11 @@ from symgen.runtime._core cimport (
     Core, Integrable, Memory, Reals, _DONE, at_least, equations, kernel_of, kernel_t, kernels, memory_of,
     sizes as equation_sizes,
 )
+
+if TYPE_CHECKING:
+    from symgen.runtime.beams.layout import BeamLayout
+    from symgen.runtime.elastic.path import RigidMotionTable
+    from symgen.runtime.kernels.library import Library
 
 cdef extern from "core/elastic.h" nogil:
     enum:
@@ -112,10 +119,10 @@ cdef tuple _names(const char *listed):
 
 
 #: Columns of the kernels ``links`` and ``loads``: see :mod:`symgen.mechanics.elastic.weights`.
-MOTION, APPLIED = _names(MOTION_NAMES), _names(APPLIED_NAMES)
+MOTION, APPLIED = _names(MOTION_NAMES), _names(APPLIED_NAMES)  # type: tuple[str, ...]
 #: Blocks of the kernel ``joints``; matrices and vectors of a superelement, and of a force along it.
-BLOCKS, MATRICES = _names(BLOCKS_NAMES), _names(MATRICES_NAMES)
-VECTORS, SPREAD = _names(VECTORS_NAMES), _names(SPREAD_NAMES)
+BLOCKS, MATRICES = _names(BLOCKS_NAMES), _names(MATRICES_NAMES)  # type: tuple[str, ...]
+VECTORS, SPREAD = _names(VECTORS_NAMES), _names(SPREAD_NAMES)  # type: tuple[str, ...]
 #: Assembled terms of the equations: see ``beams.h``.
 IN_MOTION, AT_REST, QUASI_STATIC = _IN_MOTION, _AT_REST, _QUASI_STATIC
 
@@ -164,7 +171,8 @@ cdef class RigidMotion:
     cdef tuple libraries
     cdef Reals rows, references
 
-    def __init__(self, Integrable equations, motion, joints, sizes, double t, y, double stride, path=None):
+    def __init__(self, Integrable equations, motion: Library, joints: Library, sizes: Mapping[str, int], double t,
+                 y: ArrayLike, double stride, path: RigidMotionTable | None = None):
         cdef motion_kernels functions
         cdef Reals state = Reals(equations.of, [*y, *np.zeros(equations.extra)])
         if state.count != equations.dim:
@@ -194,20 +202,20 @@ cdef class RigidMotion:
             self.api.motion_follow(self.core, self.rows.at, self.references.at, len(path.rows), path.spacing, path.absent)
 
     @property
-    def t(self):
+    def t(self) -> float:
         """The present time [s]."""
         return float(_doubles(self.equations.of, self.core.t, ()))
 
-    def save(self):
+    def save(self) -> bytes:
         """Return the bytes of its memory, and of that of its equations."""
         return self.memory.saved() + self.equations.save()
 
-    def restore(self, const unsigned char[::1] memory):
+    def restore(self, const unsigned char[::1] memory) -> None:
         """Restore the bytes of :meth:`save` for the same motion."""
         self.memory.restore(memory)
         self.equations.restore(memory[self.memory.bytes:])
 
-    def evaluate(self, double t):
+    def evaluate(self, double t) -> tuple[int, Array, Array, Array, Array, Array]:
         """Return the status, the state, and the results of the kernels links, joints, shaft and loads at a time."""
         cdef int status = self.api.motion_at(self.core, t)
         cdef Core of = self.equations.of
@@ -216,7 +224,7 @@ cdef class RigidMotion:
                 _doubles(of, seen.joined, self.sizes.joints), _doubles(of, seen.shaft, self.sizes.shaft),
                 _doubles(of, seen.loads, self.sizes.loads))
 
-    def along(self, times):
+    def along(self, times: Array) -> tuple[int, Array, Array, Array, Array]:
         """Return a status, and at rising times states, accelerations with multipliers, motion of links and point loads."""
         cdef Core of = self.equations.of
         cdef Py_ssize_t count = len(times)
@@ -354,7 +362,7 @@ cdef class BeamEquations(Integrable):
     cdef beam_tangents tangents
     cdef tuple kept
 
-    def __init__(self, RigidMotion motion, layout, bint thesis):
+    def __init__(self, RigidMotion motion, layout: BeamLayout, bint thesis):
         cdef _Packed packed = _packed(layout, motion)
         cdef beam_layout wanted = packed.of
         self.motion, self.packed, self.thesis = motion, packed, thesis
@@ -368,18 +376,18 @@ cdef class BeamEquations(Integrable):
         self.bound(np.zeros(1))
         self.whole = layout.unknowns
 
-    def save(self):
+    def save(self) -> bytes:
         """Return the bytes of its memory, and of that of the rigid motion."""
         return self.memory.saved() + self.motion.save()
 
-    def restore(self, const unsigned char[::1] memory):
+    def restore(self, const unsigned char[::1] memory) -> None:
         """Restore the bytes of :meth:`save` for the same equations."""
         self.memory.restore(memory)
         self.motion.restore(memory[self.memory.bytes:])
         if not self.api.beams_valid(self.assembly):
             raise ValueError("expected indices of equations within their arrays")
 
-    def carry(self, times, weights, rows, columns, values):
+    def carry(self, times: Array, weights: Array, rows: Indices, columns: Indices, values: Array) -> None:
         """Let batches carry tangents by parameters: the columns after the first are those of its state.
 
         ``values`` (parameters, points, numbers) are tangents at rising ``times`` [s], between which the weights
@@ -407,7 +415,7 @@ cdef class BeamEquations(Integrable):
     cdef object _array(self, const void *raw, shape):
         return _doubles(self.of, raw, shape)
 
-    def matrices(self, double t, int analysis=_IN_MOTION):
+    def matrices(self, double t, int analysis=_IN_MOTION) -> tuple[int, Array, Array, Array, Array, Array | None]:
         """Return status, mass, damping, stiffness (dense) and load of the free unknowns, and R, R', R'' or None.
 
         Analysis ``AT_REST``: the structure in its pose, without loads of the motion. ``QUASI_STATIC``: with loads and
@@ -432,7 +440,7 @@ cdef class BeamEquations(Integrable):
             )
         return status, *made, self._array(seen.load, seen.free), basis
 
-    def sparse(self, double t, int analysis=_IN_MOTION):
+    def sparse(self, double t, int analysis=_IN_MOTION) -> tuple[int, Indices, Indices, list[Array]]:
         """Return status, rows, columns, and the entries of mass, damping and stiffness at these places.
 
         The last two are without the damping of modes if it is stored separately: see ``coupled`` of the layout.
@@ -443,14 +451,14 @@ cdef class BeamEquations(Integrable):
                 self._array(seen.stiffness, seen.entries)]
         return status, _indices(seen.rows, seen.entries), _indices(seen.columns, seen.entries), made
 
-    def full_stiffness(self):
+    def full_stiffness(self) -> tuple[Indices, Indices, Array]:
         """Return rows, columns and entries of the stiffness of all unknowns, constrained or not, at the present
         time."""
         cdef const beams *seen = self.assembly
         cdef Py_ssize_t count = seen.layout.counts.entries
         return _indices(seen.layout.rows, count), _indices(seen.layout.columns, count), self._array(seen.full_stiffness, count)
 
-    def unbalanced(self, s, int analysis=_QUASI_STATIC):
+    def unbalanced(self, s: ArrayLike, int analysis=_QUASI_STATIC) -> Array:
         """Return K S - Q of all unknowns, (n,), at the time of the last matrices, for an ``analysis``.
 
         It is summed link by link: the larger axial entries take no digits from bending.
@@ -461,7 +469,8 @@ cdef class BeamEquations(Integrable):
         found.back()
         return found.doubles
 
-    def residual(self, times, s, v, a, int analysis=_IN_MOTION):
+    def residual(self, times: ArrayLike, s: ArrayLike, v: ArrayLike, a: ArrayLike,
+                 int analysis=_IN_MOTION) -> tuple[int, Array, Array]:
         """Return a status, M S'' + C S' + K S - Q of all unknowns, and the rows of their constraints.
 
         At rising times, (times, n) and (times, m, n), for S, S' and S'', (times, n) each. See :meth:`matrices` for
@@ -529,11 +538,11 @@ cdef class BeamBatch(Integrable):
         self.core.account = equations.core.account
         self.bound(np.zeros(1))
 
-    def save(self):
+    def save(self) -> bytes:
         """Return the bytes of its memory, and of that of the equations."""
         return self.memory.saved() + self.single.save()
 
-    def restore(self, const unsigned char[::1] memory):
+    def restore(self, const unsigned char[::1] memory) -> None:
         """Restore the bytes of :meth:`save` for the same equations."""
         self.memory.restore(memory)
         self.single.restore(memory[self.memory.bytes:])

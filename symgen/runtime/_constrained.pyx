@@ -1,6 +1,8 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """The binding of mechanical systems of parts in the core: see ``core/system.h``."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from libc.math cimport NAN
@@ -10,6 +12,10 @@ from libc.string cimport memcpy, memset
 from symgen.calls import FAILURES, raise_failure
 from symgen.runtime._core cimport Core, Integrable, at_least, equations, kernel_of, kernel_t, kernels, sizes
 from symgen.runtime._core import DOUBLE
+
+if TYPE_CHECKING:
+    from symgen.runtime.elastic.large.collocation import EnvelopePattern
+    from symgen.runtime.kernels.evaluate import Evaluator
 
 cdef extern from "core/system.h" nogil:
     enum:
@@ -152,11 +158,11 @@ cdef class Part:
     """A part of a system: ``pairs`` (2, entries) of unknowns with slopes; ``bound`` (2, entries), row and unknown of
     the entries of constraints."""
 
-    cdef readonly object pairs, bound
+    cdef readonly object pairs, bound  # type: Indices
     cdef part *of
     cdef Py_ssize_t[::1] slots, below, right
 
-    def take(self, pattern, Py_ssize_t unknowns):
+    def take(self, pattern: EnvelopePattern, Py_ssize_t unknowns) -> None:
         """Set the slots of the entries in a pattern; -1 for slopes by prescribed numbers."""
         row, place = self.bound
         below, right = pattern.slots(unknowns + row, place), pattern.slots(place, unknowns + row)
@@ -174,7 +180,7 @@ cdef class Elements(Part):
     cdef Py_ssize_t[::1] places
     cdef double[::1] properties, state, out
 
-    def __init__(self, kernels, places, properties, bint damped):
+    def __init__(self, kernels: Mapping[str, int], places: Indices, properties: Array, bint damped):
         cdef elements *own = &self.own
         self.kernels, self.of = kernels, &own.part
         own.count, own.size = places.shape
@@ -189,7 +195,7 @@ cdef class Elements(Part):
         self.pairs, self.bound = np.stack(pairs).reshape(2, -1), np.zeros((2, 0), dtype=np.intp)
         API.bind_elements(own, damped)
 
-    def values(self, str kernel, Py_ssize_t width, q, v, a):
+    def values(self, str kernel, Py_ssize_t width, q: Array, v: Array, a: Array) -> Array:
         """Return the results of a kernel for every element at states (times, unknowns): (times, elements, width)."""
         cdef double[:, ::1] states = np.empty((3, self.own.size))
         cdef double[:, :, ::1] found = np.empty((len(q), self.own.count, width))
@@ -233,7 +239,8 @@ cdef class Rows(Part):
     cdef Py_ssize_t[::1] places, inner
     cdef double[::1] factors, properties, acting, curvature, out
 
-    def __init__(self, uintptr_t kernel, places, slopes, Py_ssize_t first, factors, properties, acting, inner, curvature):
+    def __init__(self, uintptr_t kernel, places: Indices, slopes: Indices, Py_ssize_t first, factors: Array,
+                 properties: Array, acting: Array, inner: Indices, curvature: Array | None):
         cdef rows *own = &self.own
         self.of, own.row, own.first = &own.part, <kernel_t>kernel, first
         own.count, own.size = places.shape
@@ -265,7 +272,7 @@ cdef class Ties(Part):
     cdef Py_ssize_t[::1] rows, places
     cdef double[::1] factors
 
-    def __init__(self, rows, places, factors):
+    def __init__(self, rows: ArrayLike, places: ArrayLike, factors: ArrayLike):
         self.rows, self.places, self.factors = _places(rows), _places(places), _numbers(factors)
         self.own.count, self.own.rows, self.own.places = len(rows), &self.rows[0], &self.places[0]
         self.of, self.own.factors = &self.own.part, &self.factors[0]
@@ -291,7 +298,8 @@ cdef class Rigid(Part):
     cdef Py_ssize_t[::1] in_jacobian, of_rows
     cdef double[::1] p_joints, p, sizes, work, spare, out
 
-    def __init__(self, rigid, joints, rows, in_jacobian, sizes, entries):
+    def __init__(self, rigid: Evaluator, joints: Evaluator, rows: Sequence[int], in_jacobian: Sequence[int],
+                 sizes: ArrayLike, entries: Sequence[Indices | Sequence[tuple[int, ...]]]):
         cdef uintptr_t address
         names = ("mass_matrix", "damping", "stiffness")
         info, self.owners, self.of = joints.info("joints"), [rigid, joints], &self.own.part
@@ -330,7 +338,7 @@ cdef class Rigid(Part):
         self.take_parameters(joints.parameters)
         API.bind_rigid(&self.own)
 
-    def take_parameters(self, joints):
+    def take_parameters(self, joints: ArrayLike) -> None:
         """Take other parameters of ``elastic_joints``."""
         if self.p_joints is not None:
             at_least("parameters", len(joints), len(self.p_joints) - 1)
@@ -349,7 +357,8 @@ cdef class Added(Part):
     cdef object forces_of, slopes_of, power_of
     cdef double[::1] found
 
-    def __init__(self, forces, slopes, places, power):
+    def __init__(self, forces: Callable[[Array, Array, Array, Array], Array],
+                 slopes: Callable[[Array, Array, Array], Array], places: Indices, power: Callable[[], Array]):
         self.forces_of, self.slopes_of, self.power_of = forces, slopes, power
         self.pairs, self.bound = np.array([places, places], dtype=np.intp), np.zeros((2, 0), dtype=np.intp)
         self.own.entries, self.found = len(places), np.zeros(3 * len(places) + 1)
@@ -412,12 +421,13 @@ cdef class Constrained:
     cdef tuple parts
     cdef system own
     cdef states at
-    cdef readonly object pattern
+    cdef readonly object pattern  # type: EnvelopePattern
     cdef Py_ssize_t[::1] first, starts, position
     cdef uintptr_t[::1] heads
     cdef double[:, ::1] values, sides
 
-    def __init__(self, Py_ssize_t unknowns, Py_ssize_t multipliers, Py_ssize_t known, pattern, parts):
+    def __init__(self, Py_ssize_t unknowns, Py_ssize_t multipliers, Py_ssize_t known, pattern: EnvelopePattern,
+                 parts: Sequence[Part]):
         cdef Part each
         cdef system *own = &self.own
         self.pattern, self.parts = pattern, tuple(parts)
@@ -460,7 +470,7 @@ cdef class Constrained:
             &m[0, 0], &known[0, 0], &moving[0, 0])
         return 0
 
-    def forces(self, *state):
+    def forces(self, *state: Array) -> Array:
         """Return M a + ... + J^T lambda, (times, unknowns), of states: t, q, v, a, multipliers, known, known_rates."""
         kept = self._take(*state)
         cdef double[:, ::1] found = np.zeros((self.at.count, self.own.unknowns))
@@ -468,7 +478,7 @@ cdef class Constrained:
         raise_failure()
         return found.base
 
-    def rows(self, t, q, v, known, known_rates):
+    def rows(self, t: Array, q: Array, v: Array, known: Array, known_rates: Array) -> tuple[Array, Array]:
         """Return the constraints Phi and their rates J v + Phi_t, (times, multipliers) each."""
         cdef double[:, :, ::1] found = np.zeros((2, len(t), max(self.own.multipliers, 1)))
         kept = self._take(t, q, v, q, np.zeros((len(t), self.own.multipliers)), known, known_rates)
@@ -476,14 +486,14 @@ cdef class Constrained:
         raise_failure()
         return found.base[:, :, :self.own.multipliers]
 
-    def slopes(self, *state):
+    def slopes(self, *state: Array) -> tuple[Array, Array, Array, Array]:
         """Return slopes by second rates, rates and places, and slopes of constraints, (4, slots), at one state."""
         kept = self._take(*state)
         API.refresh(&self.own, &self.at)
         raise_failure()
         return self.values.base.copy()
 
-    def accelerated(self, right, *state):
+    def accelerated(self, right: Array, *state: Array) -> Array:
         """Return second rates and multipliers for a right-hand side of M a + J^T lambda, J a, at one state."""
         cdef double[::1] x = np.array(right, dtype=float), factors = np.empty(self.own.slopes.size)
         kept = self._take(*state)
@@ -520,7 +530,10 @@ cdef class SystemMotion(Integrable):
     cdef Py_ssize_t stages
     cdef double[::1] scale, a, multipliers, z, z_rates, gaps
 
-    def __init__(self, Constrained system, scale, Py_ssize_t stages, prescribed, follow, a, multipliers, rigid):
+    def __init__(self, Constrained system, scale: Array, Py_ssize_t stages,
+                 prescribed: Callable[[int], tuple[int, Array, Array]],
+                 follow: Callable[[float, Array, Array], None] | None, a: Array, multipliers: Array,
+                 rigid: Evaluator | None):
         cdef kernels functions
         cdef sizes wanted
         cdef system_motion *own = &self.own
@@ -550,7 +563,7 @@ cdef class SystemMotion(Integrable):
         own.prescribe, own.each, own.owner = _prescribe, follow is not None, <void *>self
 
     @property
-    def of_stages(self):
+    def of_stages(self) -> tuple[Array, Array]:
         """Second rates and multipliers of the stages of the last step of the last run, (stages, numbers) each."""
         return tuple(
             _copied(at, self.stages, width)

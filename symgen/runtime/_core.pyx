@@ -3,6 +3,7 @@
 
 import threading
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,27 @@ from libc.string cimport memcpy
 from symgen.calls import FAILURES, raise_failure
 from symgen.errors import ModelError
 
+if TYPE_CHECKING:
+    from typing import Protocol
+
+    from numpy.typing import NDArray
+
+    from symgen.runtime.kernels.library import Library
+
+    Raw = NDArray[np.uint8]
+    #: Numbers of t, q, u, p, work and out that a kernel reads or writes.
+    Sizes = tuple[int, int, int, int, int, int]
+
+    class Method(Protocol):
+        @property
+        def kind(self) -> str: ...
+        @property
+        def coefficients(self) -> Mapping[str, ArrayLike]: ...
+        @property
+        def adaptive(self) -> bool: ...
+        @property
+        def error_order(self) -> int: ...
+
 cdef extern from "pythread.h" nogil:
     unsigned long PyThread_get_thread_ident()
 
@@ -29,7 +51,7 @@ ENDS_RUN, REVOLVES, PROBED = _ENDS_RUN, _REVOLVES, _PROBED
 #: The branch that asks a table for its piece.
 WHICH_PIECE = _WHICH_PIECE
 #: Methods of stabilisation of the constraints.
-STABILISATIONS = {"projection": _PROJECTION, "baumgarte": _BAUMGARTE, "raw": _RAW}
+STABILISATIONS = {"projection": _PROJECTION, "baumgarte": _BAUMGARTE, "raw": _RAW}  # type: dict[str, int]
 
 # Capacity of the core's record of events, for each event function.
 cdef long REMEMBERED = 64
@@ -109,22 +131,23 @@ cdef int _fits(sizes, Py_ssize_t t, Py_ssize_t q, Py_ssize_t u, Py_ssize_t p, Py
     return 0
 
 
-def call(uintptr_t address, sizes, const double[::1] t, const double[::1] q, const double[::1] u,
-         const double[::1] p, double[::1] work, double[::1] out):
+def call(uintptr_t address, sizes: Sizes, const double[::1] t, const double[::1] q, const double[::1] u,
+         const double[::1] p, double[::1] work, double[::1] out) -> None:
     """Call one kernel; ``sizes`` are the numbers of t, q, u, p, work and out that it reads or writes."""
     _fits(sizes, t.shape[0], q.shape[0], u.shape[0], p.shape[0], work.shape[0], out.shape[0])
     (<kernel_t>address)(&t[0], &q[0], &u[0], &p[0], &work[0], &out[0])
     raise_failure()
 
 
-def set_up(uintptr_t address, double[::1] p, Py_ssize_t parameters, Py_ssize_t derived):
+def set_up(uintptr_t address, double[::1] p, Py_ssize_t parameters, Py_ssize_t derived) -> None:
     """Write the ``derived`` numbers of a set-up kernel behind the parameters."""
     at_least("numbers in p", p.shape[0], parameters + derived)
     set_up_with(<kernel_t>address, parameters, &p[0])
     raise_failure()
 
 
-def evaluate(uintptr_t address, sizes, double t, const double[::1] q, const double[::1] u, const double[::1] p, work):
+def evaluate(uintptr_t address, sizes: Sizes, double t, const double[::1] q, const double[::1] u, const double[::1] p,
+             work: Array | None) -> Array:
     """Return the output of one kernel; ``work`` is None or holds the accelerations that it reads."""
     cdef Py_ssize_t count = sizes[5]
     cdef double[::1] out = np.zeros(count + 1), memory
@@ -135,8 +158,8 @@ def evaluate(uintptr_t address, sizes, double t, const double[::1] q, const doub
     return out.base[:count]
 
 
-def call_many(uintptr_t address, sizes, const double[::1] t, const double[:, ::1] y, Py_ssize_t n,
-              const double[::1] p, double[:, ::1] work, double[:, ::1] out):
+def call_many(uintptr_t address, sizes: Sizes, const double[::1] t, const double[:, ::1] y, Py_ssize_t n,
+              const double[::1] p, double[:, ::1] work, double[:, ::1] out) -> None:
     """Call a kernel for every row of ``y`` = (q, u, ...), of ``work`` and of ``out``; ``sizes`` as in :func:`call`."""
     cdef Py_ssize_t rows = y.shape[0]
     if rows == 0:
@@ -149,7 +172,7 @@ def call_many(uintptr_t address, sizes, const double[::1] t, const double[:, ::1
     raise_failure()
 
 
-def call_at(uintptr_t address, sizes, const double[:, ::1] p, double[:, ::1] out):
+def call_at(uintptr_t address, sizes: Sizes, const double[:, ::1] p, double[:, ::1] out) -> None:
     """Call a kernel of the parameters alone for every row of ``p`` and of ``out``; ``sizes`` as in :func:`call`."""
     cdef Py_ssize_t i
     cdef double[::1] none = np.zeros(max(sizes[:3]) + sizes[4] + 1)
@@ -163,8 +186,8 @@ def call_at(uintptr_t address, sizes, const double[:, ::1] p, double[:, ::1] out
     raise_failure()
 
 
-def call_repeatedly(uintptr_t address, sizes, Py_ssize_t times, const double[:, ::1] y, Py_ssize_t n,
-                    const double[::1] p, double[::1] work, double[:, ::1] out):
+def call_repeatedly(uintptr_t address, sizes: Sizes, Py_ssize_t times, const double[:, ::1] y, Py_ssize_t n,
+                    const double[::1] p, double[::1] work, double[:, ::1] out) -> None:
     """Call a kernel ``times`` times over all rows of ``y``, for measurements without Python's overhead."""
     cdef Py_ssize_t i, k
     cdef double t = 0.0
@@ -176,7 +199,7 @@ def call_repeatedly(uintptr_t address, sizes, Py_ssize_t times, const double[:, 
                 (<kernel_t>address)(&t, &y[i, 0], &y[i, n], &p[0], &work[0], &out[i, 0])
 
 
-def address_of(array):
+def address_of(array: NDArray[Any]) -> int:
     """Return the memory address of an array's first number."""
     cdef Py_buffer seen
     PyObject_GetBuffer(array, &seen, PyBUF_STRIDES)
@@ -213,7 +236,7 @@ cdef class Core:
         keeps the library of this address open.
     """
 
-    def __init__(self, uintptr_t address=0, owner=None):
+    def __init__(self, uintptr_t address=0, owner: Any = None):
         self.api = <const core_api *>address if address else &symgen_core
         self.owner, self.schemes = owner, {}
         if self.api.version != CORE_VERSION:
@@ -221,21 +244,21 @@ cdef class Core:
         self.api.watch(interrupted)
 
     @property
-    def name(self):
+    def name(self) -> str:
         """Name of the number type: float32, float64, longdouble or float128."""
         return self.api.real_name.decode()
 
     @property
-    def real_bytes(self):
+    def real_bytes(self) -> int:
         """Bytes of a number."""
         return self.api.real_bytes
 
     @property
-    def epsilon(self):
+    def epsilon(self) -> float:
         """Distance from 1 to the next number."""
         return self.api.epsilon
 
-    def widen(self, high, low=None):
+    def widen(self, high: ArrayLike, low: ArrayLike | None = None) -> Raw:
         """Return doubles, or sums of two doubles, as numbers of the core: an array of raw bytes,
         with one more axis of ``real_bytes``."""
         cdef const double[::1] values = np.ascontiguousarray(high, dtype=float).ravel()
@@ -253,7 +276,7 @@ cdef class Core:
             self.api.widen(values.shape[0], &values[0], &rest[0], &to[0])
         return found
 
-    def narrow(self, raw):
+    def narrow(self, raw: Raw) -> tuple[Array, Array]:
         """Return numbers of :meth:`widen` as two arrays of doubles: rounded values and remainders."""
         cdef const unsigned char[::1] raw_bytes = np.ascontiguousarray(raw).reshape(-1)
         shape = raw.shape[:raw.ndim - 1]
@@ -264,9 +287,9 @@ cdef class Core:
             self.api.narrow(a.shape[0], &raw_bytes[0], &a[0], &b[0])
         return high, low
 
-    def call(self, uintptr_t address, sizes, const unsigned char[:, ::1] t, const unsigned char[:, :, ::1] y,
+    def call(self, uintptr_t address, sizes: Sizes, const unsigned char[:, ::1] t, const unsigned char[:, :, ::1] y,
              Py_ssize_t n, const unsigned char[:, ::1] p, unsigned char[:, :, ::1] work,
-             unsigned char[:, :, ::1] out):
+             unsigned char[:, :, ::1] out) -> None:
         """Call a kernel of this number type for rows of raw numbers; ``sizes`` as in :func:`call`."""
         if y.shape[0]:
             _fits(sizes, 1, n, y.shape[1] - n, p.shape[0], work.shape[1], out.shape[1])
@@ -299,7 +322,7 @@ def _exact(method):
     return counts, np.concatenate([np.zeros(0, dtype=object), *arrays])
 
 
-def scheme_of(method):
+def scheme_of(method: Method) -> tuple[tuple[int, ...], Array]:
     """Return the counts of a method and its coefficients in doubles, in the same order."""
     counts, numbers = _exact(method)
     return counts, numbers.astype(float)
@@ -308,7 +331,7 @@ def scheme_of(method):
 cdef class Scheme:
     """The coefficients of a method, in numbers of a core."""
 
-    def __init__(self, Core core, method):
+    def __init__(self, Core core, method: Method):
         counts, exact = _exact(method)
         cdef const double[::1] numbers = np.append(exact.astype(float), 0.0)
         cdef const double[::1] rest = np.zeros(numbers.shape[0])
@@ -334,7 +357,7 @@ cdef class Scheme:
 
 
 #: The core of doubles.
-DOUBLE = Core()
+DOUBLE = Core()  # type: Core
 
 
 cdef class Reals:
@@ -343,7 +366,7 @@ cdef class Reals:
     Results of the core are copied back only into a contiguous array.
     """
 
-    def __init__(self, Core of, doubles):
+    def __init__(self, Core of, doubles: ArrayLike):
         cdef const double[::1] numbers
         self.of, self.doubles = of, np.ascontiguousarray(doubles, dtype=float).reshape(-1)
         numbers = self.doubles
@@ -382,58 +405,58 @@ cdef class Integrable:
         return 0
 
     @property
-    def core_type(self):
+    def core_type(self) -> Core:
         """The core that these equations were compiled for."""
         return self.of
 
     @property
-    def parameters(self):
+    def parameters(self) -> Array:
         """The parameters, including references and branches that are constant in a step."""
         cdef double[::1] held = np.zeros(self.core.sizes.parameters + 1)
         self.of.api.narrow(self.core.sizes.parameters, self.core.p, &held[0], NULL)
         return np.asarray(held)[:self.core.sizes.parameters]
 
     @property
-    def evaluations(self):
+    def evaluations(self) -> int:
         """Number of evaluations of accelerations in runs."""
         return self.core.account.evaluations
 
     @property
-    def factorisations(self):
+    def factorisations(self) -> int:
         """Number of factorisations."""
         return self.core.account.factorisations
 
     @property
-    def weakest(self):
+    def weakest(self) -> int:
         """The unknown of least pivot at the last factorisation, -1 for none."""
         return self.core.account.weakest
 
     @property
-    def soundness(self):
+    def soundness(self) -> float:
         """The part of that pivot that remains after cancellation."""
         return self.core.account.soundness
 
     @property
-    def lost(self):
+    def lost(self) -> int:
         """Number of vanished pivots of redundant constraints at the last factorisation."""
         return self.core.account.lost
 
     @property
-    def missed(self):
+    def missed(self) -> float:
         """Error of redundant constraints [m] at their last evaluation."""
         return self.core.account.missed
 
     @property
-    def redundant(self):
+    def redundant(self) -> int:
         """Number of constraints that follow from the others everywhere."""
         return self.core.sizes.redundant
 
     @property
-    def rank_tolerance(self):
+    def rank_tolerance(self) -> float:
         """Rank is lost if a pivot keeps at most this part of the sum of its terms of equal sign."""
         return self.core.sizes.rank_tolerance
 
-    def solutions(self, t, y):
+    def solutions(self, t: Array, y: Array) -> Array:
         """Return accelerations and multipliers at every row of y = (q, u, ...)."""
         found = np.zeros((y.shape[0], self.n + self.m + 1))
         if y.shape[0] == 0:
@@ -446,7 +469,7 @@ cdef class Integrable:
         into.back()
         return found
 
-    def derivative(self, double t, y):
+    def derivative(self, double t, y: Array) -> Array:
         """Return dy/dt at (t, y) as in a step."""
         found = np.zeros(self.dim)
         cdef Reals state = Reals(self.of, y), into = Reals(self.of, found)
@@ -455,26 +478,26 @@ cdef class Integrable:
         into.back()
         return found
 
-    def save(self):
+    def save(self) -> bytes:
         """Return the bytes of its memory: all data that persist between steps."""
         return self.memory.saved()
 
-    def restore(self, const unsigned char[::1] memory):
+    def restore(self, const unsigned char[::1] memory) -> None:
         """Restore the bytes of :meth:`save` for the same equations."""
         if <size_t>memory.shape[0] != self.memory.bytes:
             raise ValueError("expected the saved memory of equations of the same sizes")
         self.memory.restore(memory)
 
-    def lost_rows(self):
+    def lost_rows(self) -> list[int]:
         """Return the numbers of the constraints that depend on others at the last factorisation."""
         return [i for i in range(self.m) if self.core.dropped[i]]
 
-    def set_parameters(self, const double[::1] parameters):
+    def set_parameters(self, const double[::1] parameters) -> None:
         """Set the parameters, branches of loads included, and compute the quantities that depend on them alone."""
         at_least("parameters", parameters.shape[0], self.core.sizes.parameters)
         self.of.api.set_parameters(self.core, &parameters[0], NULL)
 
-    def put(self, Py_ssize_t place, double value):
+    def put(self, Py_ssize_t place, double value) -> float:
         """Set a parameter of equations in doubles and return its value before; a run restarts before its next step."""
         if self.of.api.real_bytes != sizeof(double) or not 0 <= place < self.core.sizes.parameters:
             raise ValueError("expected equations in doubles, and the number of a parameter")
@@ -482,7 +505,7 @@ cdef class Integrable:
         self.core.p[place] = value
         return before
 
-    def check(self, double t, const double[::1] y):
+    def check(self, double t, const double[::1] y) -> int:
         """Factorise at y; return the status, the unknown of least pivot in ``weakest``, and in ``soundness`` the part
         of that pivot that remains after cancellation."""
         cdef Reals state = Reals(self.of, y)
@@ -537,10 +560,11 @@ cdef class KernelEquations(Integrable):
         Rate [1/s] of Baumgarte's terms in derivatives; 0 for none.
     """
 
-    def __init__(self, library, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, const double[::1] p,
+    def __init__(self, library: Library, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, const double[::1] p,
                  Py_ssize_t work_size, Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant,
-                 double slack, *, long series_rows=0, long series_watched=0, Core core=DOUBLE, long events=0, long switches=0, long tables=0, long windings=0, long turns=0, tangent=(),
-                 tangent_library=None, double stabilisation=0.0):
+                 double slack, *, long series_rows=0, long series_watched=0, Core core=DOUBLE, long events=0,
+                 long switches=0, long tables=0, long windings=0, long turns=0, tangent: ArrayLike = (),
+                 tangent_library: Library | None = None, double stabilisation=0.0):
         cdef kernels functions
         cdef sizes wanted
         addresses = library.addresses
@@ -637,17 +661,18 @@ cdef class Run:
     cdef readonly long steps, rejected, recorded, moved, ended_by, worst, blind, switchings, slid
     cdef readonly bint stiff
     cdef readonly Py_ssize_t dim
-    cdef readonly list passages, events
+    cdef readonly list passages  # type: list[tuple[float, float, int]]
+    cdef readonly list events  # type: list[tuple[float, int, bool | None, Array]]
     cdef double t_left
     cdef tuple ways
     cdef const double[::1] nodes
     cdef const long[::1] counts
 
-    def __init__(self, Integrable equations, method, double t0, const double[::1] y0, double t_end, double rtol,
+    def __init__(self, Integrable equations, method: Method, double t0, const double[::1] y0, double t_end, double rtol,
                  double atol, double step, const double[::1] times, *, long stabilisation=0, double max_drift=INFINITY,
-                 double max_step=0.0,
-                 bint places_only=False, directions=(), terminal=(), const double[::1] nodes=None,
-                 counts=(), bint continues=False):
+                 double max_step=0.0, bint places_only=False, directions: Sequence[int] = (),
+                 terminal: Sequence[int] = (), const double[::1] nodes=None, counts: ArrayLike = (),
+                 bint continues=False):
         cdef const signed char[::1] ways, effects
         cdef const signed char *way = NULL
         cdef const char *end = NULL
@@ -725,11 +750,11 @@ cdef class Run:
         for i in range(count):
             self.events.append((found[i].t, found[i].index, _way(found[i].rising), states[i]))
 
-    def save(self):
+    def save(self) -> tuple[bytes, bytes]:
         """Return the bytes of equations and run: the complete state of the core between two steps."""
         return self.equations.save(), self.memory.saved()
 
-    def restore(self, const unsigned char[::1] equations, const unsigned char[::1] memory):
+    def restore(self, const unsigned char[::1] equations, const unsigned char[::1] memory) -> None:
         """Restore the bytes of :meth:`save` for the same equations and options."""
         if <size_t>memory.shape[0] != self.memory.bytes:
             raise ValueError("expected the saved memory of a run of the same sizes")
@@ -741,7 +766,7 @@ cdef class Run:
             raise ValueError("expected the saved counts and times of a run between two steps")
         self._look()
 
-    def take(self, passages, events, states):
+    def take(self, passages: Array, events: Array, states: Array) -> None:
         """Record passages (t, soundness, weakest), and events (t, number, rising) with states, from before a restored
         memory was saved."""
         rows, limits = (np.asarray(passages), np.asarray(events)), (self.equations.n + self.equations.m, len(self.ways))
@@ -753,13 +778,13 @@ cdef class Run:
         self.passages.extend((t, sound, int(k)) for t, sound, k in rows[0].tolist())
         self.events.extend((t, int(i), _way(up), state) for (t, i, up), state in zip(rows[1].tolist(), states))
 
-    def begin(self):
+    def begin(self) -> int:
         """Project and record the start, estimate the first step; return the status."""
         cdef int status = self.of.api.run_begin(self.core)
         self._look()
         return status
 
-    def advance(self, long most):
+    def advance(self, long most) -> int:
         """Take at most ``most`` steps; return MORE, DONE or the status of the failure."""
         cdef int status = _MORE
         with nogil:
@@ -767,7 +792,7 @@ cdef class Run:
         self._look()
         return status
 
-    def step(self, double h):
+    def step(self, double h) -> int:
         """Go on for a time h from the end of a run that continues; return DONE or the status of the failure. Passages
         and events are those of this call."""
         cdef int status = _MORE
@@ -790,21 +815,21 @@ cdef class Run:
             raise_failure()
         return status
 
-    def extend(self, double t_end):
+    def extend(self, double t_end) -> None:
         """Move the end of a run that continues, from the present time on."""
         if not (self.asked.continues and self.t <= t_end < INFINITY):
             raise ValueError("expected a run that continues, and an end after the present time")
         self.asked.t_end = t_end
         self.of.api.run_extend(self.core, t_end)
 
-    def restart(self, bint moves):
+    def restart(self, bint moves) -> int:
         """Start the method anew after a change of the equations' parameters; ``moves``: of those of constraints, onto
         which the state is projected. Return MORE or the status of the failure."""
         cdef int status = self.of.api.run_restart(self.core, moves)
         self._look()
         return status
 
-    def continue_as(self, Run other):
+    def continue_as(self, Run other) -> None:
         """Take over the present state of a run with the same equations and options."""
         self.asked.t0, self.asked.t_end, self.t_left = other.asked.t0, other.asked.t_end, other.t_left
         self.restore(*other.save())
@@ -815,7 +840,7 @@ cdef class Run:
             raise ValueError("expected a run in doubles")
         return <const double *>rows + self.asked.samples * columns
 
-    def present(self):
+    def present(self) -> tuple[Array, Array, Array]:
         """Return the present state, references of angles in loads and continuous angles of links, of a run in doubles.
 
         With choices of coordinates these are the state in the present ones, the choices, and the usual coordinates."""
@@ -825,7 +850,8 @@ cdef class Run:
                 self._doubles(self._present(self.core.references, of.windings), 1, of.windings)[0],
                 self._doubles(self._present(self.core.turns, of.turns), 1, of.turns)[0])
 
-    def outputs(self, KernelEquations at, uintptr_t address, numbers, turning):
+    def outputs(self, KernelEquations at, uintptr_t address, numbers: Sizes,
+                turning: Sequence[tuple[int, int]]) -> Array:
         """Return the output of a kernel of doubles at the present state, with one number more.
 
         ``at`` are other equations of the same model, whose memory is used, ``numbers`` the sizes as in :func:`call`, and
@@ -852,7 +878,7 @@ cdef class Run:
             raise_failure()
         return out.base
 
-    def advance_noting(self, double[::1] t, double[:, ::1] y, double[:, ::1] references):
+    def advance_noting(self, double[::1] t, double[:, ::1] y, double[:, ::1] references) -> tuple[int, int]:
         """Take at most one step per row; write time, state, references of angles and branches of loads after it.
         Return the status and the number of rows written. Runs in doubles only."""
         cdef const sizes *of = &self.equations.core.sizes
@@ -889,26 +915,26 @@ cdef class Run:
         return found
 
     @property
-    def result(self):
+    def result(self) -> Array:
         """The recorded states, one row per time."""
         return self._doubles(self.core.samples, self.recorded, self.dim)
 
     @property
-    def sampled(self):
+    def sampled(self) -> Array:
         """The times of the recorded states."""
         return self._doubles(self.core.times, 1, self.recorded)[0]
 
     @property
-    def references(self):
+    def references(self) -> Array:
         """The references of the angles in loads at the recorded times, one row per time."""
         return self._doubles(self.core.references, self.recorded, self.equations.core.sizes.windings)
 
     @property
-    def turns(self):
+    def turns(self) -> Array:
         """The continuous angles of links at the recorded times, one row per time."""
         return self._doubles(self.core.turns, self.recorded, self.equations.core.sizes.turns)
 
-    def called(self, uintptr_t address, sizes, const double[::1] p):
+    def called(self, uintptr_t address, sizes: Sizes, const double[::1] p) -> Array:
         """Return the output of a kernel of doubles without work memory, one row per recorded state of a run in
         doubles."""
         cdef Py_ssize_t size = sizes[5]
@@ -925,7 +951,7 @@ cdef class Run:
         return found
 
     @property
-    def state(self):
+    def state(self) -> Array:
         """The last accepted state."""
         found = np.empty(self.dim)
         cdef double[::1] to = found

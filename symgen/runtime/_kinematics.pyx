@@ -1,12 +1,20 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """The binding of driven linkages, followed in time without forces: single ones, and variants in the lanes of vectors."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from symgen.runtime._core cimport Core, Memory, at_least, functions_of, interrupted, kernel_of, kernel_t, memory_of
 
 from symgen.calls import raise_failure
 from symgen.runtime._core import DOUBLE
+
+if TYPE_CHECKING:
+    from symgen.runtime.kernels.description import Description
+    from symgen.runtime.kernels.evaluate import Evaluator
+    from symgen.runtime.kernels.library import Library
+    from symgen.runtime.rods.following.groups import Groups
 
 cdef extern from "core/kinematics.h" nogil:
     cdef struct kinematics:
@@ -69,7 +77,7 @@ cdef class Blocks:
     cdef kinematic_groups of
     cdef const Py_ssize_t[::1] starts, rows, columns, entries, coupling_starts, coupling_columns
 
-    def __init__(self, groups, Py_ssize_t n, Py_ssize_t m, Py_ssize_t out):
+    def __init__(self, groups: Groups, Py_ssize_t n, Py_ssize_t m, Py_ssize_t out):
         self.of.count, self.of.squares = len(groups.starts) - 1, groups.squares
         self.of.filled, self.of.couplings = len(groups.entries), len(groups.coupling_columns)
         if self.of.count < 0 or len(groups.rows) != n or len(groups.columns) != n:
@@ -147,7 +155,7 @@ cdef class Kinematics(Steps):
     cdef double length
     cdef const double[::1] p, balance_p
 
-    def __init__(self, evaluator, groups, double length, forces=None):
+    def __init__(self, evaluator: Evaluator, groups: Groups, double length, forces: Evaluator | None = None):
         self.api, self.length = <const kinematics_table *>(<Core>DOUBLE).api.kinematics, length
         self.p, self.balance_p = evaluator.parameters, (forces or evaluator).parameters
         called = [evaluator.info(k) for k in ("closure", "acceleration_rhs")] + ([forces.info("balance")] if forces else [])
@@ -155,7 +163,7 @@ cdef class Kinematics(Steps):
         self.bound((evaluator.description, evaluator.library), groups, of_forces, called)
         self.n, self.m = self.sizes.n, self.sizes.m
 
-    def follow(self, double t, const double[::1] q, const double[::1] times):
+    def follow(self, double t, const double[::1] q, const double[::1] times) -> Array:
         """Follow the linkage from a pose q at t through strictly monotone times.
 
         Returns
@@ -177,7 +185,7 @@ cdef class Kinematics(Steps):
             raise_failure()
         return rows[:reached].reshape(reached, 3, self.n)
 
-    def multipliers(self, const double[::1] times, const double[:, :, ::1] states):
+    def multipliers(self, const double[::1] times, const double[:, :, ::1] states) -> tuple[Array, Array]:
         """Return the multipliers of the constraints at closed poses from ``follow``.
 
         Returns
@@ -219,7 +227,8 @@ cdef class KinematicLanes(Steps):
 
     cdef readonly Py_ssize_t lanes
 
-    def __init__(self, motion, Py_ssize_t lanes, groups, forces=None):
+    def __init__(self, motion: tuple[Description, Library], Py_ssize_t lanes, groups: Groups,
+                 forces: tuple[Description, Library] | None = None):
         d, library = motion
         self.lanes, self.api = lanes, <const kinematics_table *>functions_of(lanes).kinematics
         self.sizes.parameters, self.sizes.derived = len(d.tunable), library.derived
@@ -251,7 +260,7 @@ cdef class KinematicLanes(Steps):
         )
 
     def follow(self, double t, const double[:, ::1] parameters, const double[:, ::1] q, const double[::1] lengths,
-               const double[::1] times):
+               const double[::1] times) -> tuple[Array, Array, Indices]:
         """Follow a linkage for each row of parameters from its pose, a row of q, at t through monotone times.
 
         ``lengths`` are the sizes of the linkages [m].
@@ -293,7 +302,8 @@ cdef class KinematicLanes(Steps):
 
     def extremes(self, double t, const double[:, ::1] parameters, const double[:, ::1] q, const double[::1] lengths,
                  const double[::1] times, const unsigned char[::1] recorded, const Py_ssize_t[::1] starts,
-                 const unsigned char[::1] wanted, const Py_ssize_t[:, ::1] links, double turn):
+                 const unsigned char[::1] wanted, const Py_ssize_t[:, ::1] links,
+                 double turn) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_]]:
         """Follow a linkage as :meth:`follow` does, and return extremes of its joint forces instead of all values.
 
         Parameters

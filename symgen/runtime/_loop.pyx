@@ -1,6 +1,8 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """The binding of loops in the core: closure, following along inputs, equations of motion for runs."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 
@@ -10,6 +12,9 @@ from symgen.runtime._core cimport (
 
 from symgen.calls import raise_failure
 from symgen.runtime._core import DOUBLE
+
+if TYPE_CHECKING:
+    from symgen.runtime.kernels.library import Library
 
 cdef extern from "core/loops.h" nogil:
     enum:
@@ -149,9 +154,11 @@ cdef class LoopEquations(Integrable):
     cdef readonly Py_ssize_t rank
     cdef Py_ssize_t out_size
 
-    def __init__(self, library, p, Py_ssize_t work_size, Py_ssize_t out_size, lengths, solved, inputs, unknown,
+    def __init__(self, library: Library, p: Sequence[float] | Array, Py_ssize_t work_size, Py_ssize_t out_size,
+                 lengths: Sequence[bool], solved: Sequence[int], inputs: Sequence[int], unknown: Sequence[int],
                  double size, Py_ssize_t rank, *, Core core=DOUBLE, double tolerance=0.0,
-                 balls=(), long switches=0, long tables=0, bint work_of_loads=True, long series_rows=0, long series_watched=0):
+                 balls: Sequence[Sequence[int]] = (), long switches=0, long tables=0, bint work_of_loads=True,
+                 long series_rows=0, long series_watched=0):
         cdef Py_ssize_t k
         cdef loop_sizes wanted
         cdef loop_kernels functions
@@ -198,26 +205,26 @@ cdef class LoopEquations(Integrable):
         self.bound(parameters)
 
     @property
-    def closure(self):
+    def closure(self) -> float:
         """Defect of closure at the last evaluation: of rotations, and of lengths over the size."""
         return self.seen.closure
 
     @property
-    def rates_left(self):
+    def rates_left(self) -> float:
         """Part of the last required rates that no motion of the solved variables can supply."""
         return self.seen.rates_left
 
     @property
-    def hold(self):
+    def hold(self) -> float:
         """Determinant of the drives of unknown effort at the last forces; zero at singular force transmission."""
         return self.seen.hold
 
     @property
-    def iterations(self):
+    def iterations(self) -> int:
         """Iterations of the last closure."""
         return self.seen.iterations
 
-    def close(self, double t, double[::1] q):
+    def close(self, double t, double[::1] q) -> int:
         """Close the loop at t by Newton's method from q, in place; return the status."""
         at_least("variables", q.shape[0], self.n)
         cdef Reals state = Reals(self.of, q)
@@ -225,7 +232,7 @@ cdef class LoopEquations(Integrable):
         state.back()
         return status
 
-    def assemble(self, double t, double[::1] q):
+    def assemble(self, double t, double[::1] q) -> tuple[int, int]:
         """Bring the loop near a closure at t from any q, in place; return the status and the rank at q."""
         at_least("variables", q.shape[0], self.n)
         cdef Reals state = Reals(self.of, q)
@@ -234,7 +241,7 @@ cdef class LoopEquations(Integrable):
         state.back()
         return status, rank
 
-    def closed_screws(self, double t, q):
+    def closed_screws(self, double t, q: Array) -> tuple[Array, float]:
         """Return the screws of all variables at q, shape (6, n), and the defect of closure there."""
         screws = np.empty((ROWS, self.n))
         cdef Reals state = Reals(self.of, q), into = Reals(self.of, screws)
@@ -243,7 +250,7 @@ cdef class LoopEquations(Integrable):
         into.back()
         return screws, defect
 
-    def turn(self, q):
+    def turn(self, q: Array) -> Array:
         """Return the variables q in the angles in use. Near poles of balls these are the alternative ones from now on,
         by the leading angles among :attr:`parameters`."""
         state = np.concatenate([q, np.zeros(self.n)])
@@ -253,8 +260,8 @@ cdef class LoopEquations(Integrable):
         y.back()
         return state[:self.n]
 
-    def follow(self, double t, double[::1] q, times, double longest, double[:, ::1] states, double[:, ::1] out,
-               double[:, ::1] diagnosis):
+    def follow(self, double t, double[::1] q, times: Array, double longest, double[:, ::1] states, double[:, ::1] out,
+               double[:, ::1] diagnosis) -> tuple[int, int, float]:
         """Follow the loop from a closed state (t, q) through monotone times; return the status and the number reached.
 
         Variables that are not solved for are constant, or inputs.
@@ -296,7 +303,7 @@ cdef class LoopEquations(Integrable):
         outputs.back()
         return status, count, at
 
-    def undetermined(self, times, double[:, ::1] states, double least, double part):
+    def undetermined(self, times: Array, double[:, ::1] states, double least, double part) -> NDArray[np.bool_]:
         """Return which outputs depend on a wrench without work on any screw, (poses, outputs).
 
         All variables must be solved for.
@@ -345,7 +352,7 @@ cdef class LoopLanes:
     cdef LoopEquations like
     cdef object library
 
-    def __init__(self, LoopEquations like, library, Py_ssize_t lanes):
+    def __init__(self, LoopEquations like, library: Library, Py_ssize_t lanes):
         cdef loop_kernels functions = kernels_of(library.addresses)
         self.like, self.library, self.sizes, self.lanes = like, library, like.sizes, lanes
         self.sizes.derived = library.derived
@@ -358,8 +365,10 @@ cdef class LoopLanes:
         self.core = <loop_lanes *>self.memory.structure
         self.api.bind(self.core, &self.sizes, &functions, &like.numbers[0], &like.lengths[0], self.memory.at)
 
-    def follow(self, const double[::1] own, const double[:, ::1] parameters, const double[::1] start, const double[::1] stages,
-               begin, Py_ssize_t lead, const double[::1] samples, bint of_input, double close, double longest, double apart, double least):
+    def follow(self, const double[::1] own, const double[:, ::1] parameters, const double[::1] start,
+               const double[::1] stages, begin: float | None, Py_ssize_t lead, const double[::1] samples, bint of_input,
+               double close, double longest, double apart,
+               double least) -> tuple[Array, Array, Array, Array, NDArray[np.bool_]]:
         """Close and follow a loop for each row of parameters.
 
         Parameters

@@ -1,6 +1,8 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """LinkageRuns of variants of one linkage, without Python code between them."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from libc.math cimport fabs, fmax
@@ -18,6 +20,11 @@ from symgen.runtime._start cimport (
 from symgen.calls import raise_failure
 from symgen.runtime._core import DOUBLE
 
+if TYPE_CHECKING:
+    from symgen.runtime.integrate.integrators.method import Integrator
+    from symgen.runtime.kernels.evaluate import Evaluator
+    from symgen.runtime.kernels.library import Library
+
 cdef extern from "core/lane_runs.h" nogil:
     cdef struct lane_sizes:
         Py_ssize_t n, m, extra, parameters, derived, work, first_pivot, series_rows
@@ -34,7 +41,8 @@ cdef extern from "core/lane_runs.h" nogil:
                     char *) noexcept nogil
 
 
-def over_variants(evaluator, str kernel, const double[:, ::1] variants, const double[::1] times, rows):
+def over_variants(evaluator: Evaluator, str kernel, const double[:, ::1] variants, const double[::1] times,
+                  rows: Array) -> Array:
     """Return the output of a kernel for variants of a linkage at many times: (runs, times, entries).
 
     Parameters
@@ -103,7 +111,7 @@ cdef class Lanes:
     cdef double[::1] rows, states, samples, drifts
     cdef char[::1] failed, found
 
-    def __init__(self, library, KernelEquations equations, Py_ssize_t lanes):
+    def __init__(self, library: Library, KernelEquations equations, Py_ssize_t lanes):
         addresses = library.addresses
         self.library, self.lanes = library, lanes
         self.api = <const lane_table *>functions_of(lanes).runs
@@ -171,8 +179,8 @@ cdef class Starts:
     cdef char[::1] none_dropped
     cdef object evaluator
 
-    def __init__(self, evaluator, KernelEquations equations, Starter starter, const Py_ssize_t[:, ::1] ends, double rounding,
-                 double consistent, double near):
+    def __init__(self, evaluator: Evaluator, KernelEquations equations, Starter starter, const Py_ssize_t[:, ::1] ends,
+                 double rounding, double consistent, double near):
         d, addresses = evaluator.description, evaluator.library.addresses
         self.evaluator, self.equations, self.starter = evaluator, equations, starter
         self.api, self.e, self.state = equations.of.api, equations.core, equations.memory
@@ -194,7 +202,8 @@ cdef class Starts:
         memcpy(self.fresh.at, self.state.at, self.state.bytes)
         starter.api.bind(starter.core, &starter.sizes, &starter.functions, equations.core.p, starter.memory.at)
 
-    def poses(self, const double[:, ::1] variants, ahead=None):
+    def poses(self, const double[:, ::1] variants,
+              ahead: tuple[Array, NDArray[np.uint8]] | None = None) -> tuple[NDArray[np.bool_], Array, Array]:
         """Assemble the linkage for every row of parameters.
 
         ``ahead`` are coordinates (runs, n) from :class:`~symgen.runtime._start.StartLanes`, and their flags (runs,).
@@ -354,10 +363,10 @@ cdef class LinkageRuns(Starts):
     cdef double[::1] lane_parameters, lane_states, lane_samples, lane_drifts
     cdef char[::1] failed, found
 
-    def __init__(self, evaluator, KernelEquations equations, Starter starter, const Py_ssize_t[:, ::1] ends, double rounding,
-                 double consistent, double near, method, double t0, double t_end, double rtol, double atol, double step,
-                 const double[::1] times, *, long stabilisation, double max_drift, double max_step, bint places_only,
-                 long most, Lanes lanes=None):
+    def __init__(self, evaluator: Evaluator, KernelEquations equations, Starter starter, const Py_ssize_t[:, ::1] ends,
+                 double rounding, double consistent, double near, method: Integrator, double t0, double t_end,
+                 double rtol, double atol, double step, const double[::1] times, *, long stabilisation,
+                 double max_drift, double max_step, bint places_only, long most, Lanes lanes=None):
         d, addresses = evaluator.description, evaluator.library.addresses
         Starts.__init__(self, evaluator, equations, starter, ends, rounding, consistent, near)
         self.turns, self.times, self.most = len(d.turns), times, most
@@ -470,7 +479,8 @@ cdef class LinkageRuns(Starts):
                 drifts[2 * lane], drifts[2 * lane + 1] = self.lane_drifts[2 * lane], self.lane_drifts[2 * lane + 1]
                 regular[lane] = 1
 
-    def carry_out(self, const double[:, ::1] variants, states=None):
+    def carry_out(self, const double[:, ::1] variants,
+                  states: Array | None = None) -> tuple[NDArray[np.bool_], Array, Array, Array]:
         """Carry out a run for every row of parameters, from its start or from a row of states (q, u).
 
         Returns

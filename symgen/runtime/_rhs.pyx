@@ -24,12 +24,13 @@ cdef class Rhs:
 
     cdef Integrable equations
     cdef object size
-    cdef readonly object start, inputs
+    cdef readonly object start  # type: Array
+    cdef readonly object inputs  # type: tuple[str, ...]
     cdef double[::1] parameter_values, passed
     cdef Py_ssize_t first
     cdef bint replaced
 
-    def __init__(self, Integrable equations, start, inputs=(), Py_ssize_t first=0):
+    def __init__(self, Integrable equations, start: Array, inputs: tuple[str, ...] = (), Py_ssize_t first=0):
         if equations.of.api.real_bytes != sizeof(double):
             raise ValueError("expected equations in double precision")
         self.equations, self.start, self.size = equations, start, (equations.dim,)
@@ -80,7 +81,7 @@ cdef class Rhs:
         self.replaced = u is not None
         return 0
 
-    def __call__(self, double t, y, u=None):
+    def __call__(self, double t, y: ArrayLike, u: ArrayLike | None = None) -> Array:
         cdef Py_buffer state, slope
         self.put(u)
         self.bind(y, &state)
@@ -93,7 +94,7 @@ cdef class Rhs:
             raise_failure()
         return made
 
-    def project(self, double t, y):
+    def project(self, double t, y: ArrayLike) -> Array:
         """Return the state projected onto the constraints of positions and velocities."""
         cdef const double[::1] row = self._checked(y)
         made = np.empty(self.size)
@@ -107,14 +108,14 @@ cdef class Rhs:
                 )
         return made
 
-    def energy(self, double t, y):
+    def energy(self, double t, y: ArrayLike) -> float:
         """Return kinetic plus potential energy [J]; inputs have none."""
         cdef const double[::1] row = self._checked(y)
         self.equations.core.of.measure_energy(self.equations.core, t, &row[0])
         return self.equations.core.energies[0] + self.equations.core.energies[1]
 
     @property
-    def low_level(self):
+    def low_level(self) -> Any:
         """The right-hand side as a ``scipy.LowLevelCallable``: void (double t, double *y, double *dy, void
         *user_data)."""
         from symgen.runtime.model.rhs import low_level

@@ -1,6 +1,8 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """The binding of starts in the core: assembly of a linkage and consistent velocities."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from libc.string cimport memcpy
@@ -9,14 +11,18 @@ from symgen.runtime._core cimport Core, Memory, at_least, functions_of, kernel_o
 
 from symgen.runtime._core import DOUBLE
 
+if TYPE_CHECKING:
+    from symgen.runtime.kernels.evaluate import Evaluator
+    from symgen.runtime.kernels.library import Library
+
 #: Outcomes of a step of the assembly.
 STARTED, ON_THE_WAY, UNASSEMBLED, TOO_TOLERANT = _STARTED, _ON_THE_WAY, _UNASSEMBLED, _TOO_TOLERANT
 OTHER_SIDE = _OTHER_SIDE
 #: The largest assembly tolerance over the size of the linkage.
-MOST = MOST_TOLERANCE
+MOST = MOST_TOLERANCE  # type: float
 
 
-def size_of_points(const double[:, ::1] positions):
+def size_of_points(const double[:, ::1] positions) -> float:
     """Return the size of a linkage [m] by the positions of its points, (points, axes).
 
     It is twice their largest distance from their mean, which no rotation changes; NaN if a position is not finite.
@@ -40,7 +46,7 @@ cdef class Starter:
         The drawn coordinates [m].
     """
 
-    def __init__(self, evaluator, double share, const double[::1] q):
+    def __init__(self, evaluator: Evaluator, double share, const double[::1] q):
         cdef Core core = DOUBLE
         d = evaluator.description
         self.library, self.p = evaluator.library, evaluator.parameters
@@ -84,28 +90,28 @@ cdef class Starter:
         return found
 
     @property
-    def at(self):
+    def at(self) -> float:
         """The present fraction of the path from the drawing to the prescribed lengths."""
         return self.core.at
 
     @property
-    def q(self):
+    def q(self) -> Array:
         """Coordinates [m] at this fraction."""
         return self.copied(self.core.q, self.sizes.n)
 
-    def advance(self):
+    def advance(self) -> int:
         """Take one step along the path; return its outcome."""
         cdef int status
         with nogil:
             status = self.api.advance(self.core)
         return status
 
-    def close(self):
+    def close(self) -> int:
         """Close the linkage at its start from the present coordinates; return the outcome."""
         self.core.at, self.core.side = 1.0, 0
         return self.advance()
 
-    def velocities(self, redundant):
+    def velocities(self, redundant: Sequence[int]) -> tuple[Array, Array, Array, float] | None:
         """Return velocities of least kinetic energy, the errors of the independent constraints and of the prescribed
         velocities, and the largest right-hand side of these rows, each in m/s; None if the mass matrix is not positive
         definite."""
@@ -143,7 +149,7 @@ cdef class StartLanes:
     cdef Py_ssize_t lanes, parameters
     cdef object library
 
-    def __init__(self, Starter like, library, Py_ssize_t lanes, Py_ssize_t parameters):
+    def __init__(self, Starter like, library: Library, Py_ssize_t lanes, Py_ssize_t parameters):
         cdef start_lane_kernels functions
         cdef Py_ssize_t every = parameters + library.derived + 1
         self.library, self.sizes, self.lanes, self.parameters = library, like.sizes, lanes, parameters
@@ -159,7 +165,7 @@ cdef class StartLanes:
         self.core = <start_lanes *>self.memory.structure
         self.api.bind(self.core, &self.sizes, &functions, parameters, every, self.memory.at)
 
-    def assembled(self, const double[:, ::1] values):
+    def assembled(self, const double[:, ::1] values) -> tuple[Array, NDArray[np.uint8]]:
         """Assemble the linkage for each row of parameters; return coordinates (runs, n) and a flag (runs,).
 
         Without the flag the coordinates are undefined, and the linkage must be assembled alone.

@@ -1,6 +1,8 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """The binding of derivatives of runs: tangents of steps, and transposes of explicit steps."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from symgen.calls import raise_failure
@@ -8,6 +10,12 @@ from symgen.runtime._core cimport (
     KernelEquations, Integrable, Memory, Scheme, at_least, equations, kernel_of, kernel_t, held_parameters, memory_of,
     scheme as scheme_t,
 )
+
+if TYPE_CHECKING:
+    from symgen.runtime.integrate.integrators.method import Integrator
+    from symgen.runtime.kernels.description import LoopDescription
+    from symgen.runtime.kernels.evaluate import Evaluator
+    from symgen.runtime.kernels.library import Library
 
 
 cdef extern from "core/variations.h" nogil:
@@ -103,7 +111,8 @@ cdef class Variations:
         found = np.asarray(<double[:count]>at)
         return found.reshape(shape)
 
-    def forward(self, const double[::1] t, const double[:, ::1] y, const double[:, ::1] references, moved, summed):
+    def forward(self, const double[::1] t, const double[:, ::1] y, const double[:, ::1] references, moved: Array,
+                summed: Array) -> tuple[int, int]:
         """Propagate derivatives of the state, (2n, columns), and of integrals, (integrals, columns), along the steps
         between these times; return the status and the number of steps taken."""
         moving = self.array(self.core.moved, (2 * self.equations.n, self.sizes.columns))
@@ -113,8 +122,8 @@ cdef class Variations:
         moved[:], summed[:] = moving, summing
         return found
 
-    def backward(self, const double[::1] t, const double[:, ::1] y, const double[:, ::1] references, seed, weights,
-                 gradient):
+    def backward(self, const double[::1] t, const double[:, ::1] y, const double[:, ::1] references, seed: Array,
+                 weights: Array, gradient: Array) -> tuple[int, int]:
         """Propagate a seed (2n) of the last state, and weights of the integrals, back to the first state (explicit
         steps only); add to the gradient by the directions. Return the status and the number of steps taken."""
         if not self.is_explicit:
@@ -128,7 +137,7 @@ cdef class Variations:
         return found
 
     def parts(self, const double[::1] t, const double[:, ::1] y, const double[:, ::1] references, double rtol,
-              double atol, double[::1] parts):
+              double atol, double[::1] parts) -> tuple[int, int]:
         """Write for steps whose entry is not zero the number of equal parts, a real number, in which the explicit method,
         with one direction, has the tolerance. Return the status and the number of steps."""
         cdef const double *held = self.held(t, y, references)
@@ -142,7 +151,8 @@ cdef class Variations:
         raise_failure()
         return status, taken
 
-    def fill(self, const double[::1] t, double[:, ::1] y, const double[:, ::1] references, const char[::1] known):
+    def fill(self, const double[::1] t, double[:, ::1] y, const double[:, ::1] references,
+             const char[::1] known) -> None:
         """Write the states after explicit steps from the states before them where they are not known."""
         cdef const double *held = self.held(t, y, references)
         at_least("marks of known states", known.shape[0], t.shape[0])
@@ -179,12 +189,12 @@ cdef class Variations:
         return status, taken
 
     @property
-    def columns(self):
+    def columns(self) -> int:
         """Number of directions."""
         return self.sizes.columns
 
     @property
-    def sums(self):
+    def sums(self) -> Array:
         """The integrals along all steps taken, (integrals,)."""
         return self.array(self.core.sums, (self.sizes.integrals,)).copy()
 
@@ -207,7 +217,8 @@ cdef class LinkageVariations(Variations):
         Number of directions; of an implicit method the last 2n are the state.
     """
 
-    def __init__(self, KernelEquations equations, method, evaluator, places, Py_ssize_t columns):
+    def __init__(self, KernelEquations equations, method: Integrator, evaluator: Evaluator,
+                 places: Sequence[NDArray[np.int_]], Py_ssize_t columns):
         cdef long[:, ::1] of
         cdef Py_ssize_t i
         self.take(equations, method, evaluator.description, evaluator.library, len(evaluator.parameter_values), columns)
@@ -249,7 +260,8 @@ cdef class LoopVariations(Variations):
         Number of the parameter that each direction changes; -1 where it changes none.
     """
 
-    def __init__(self, Integrable equations, method, description, library, Py_ssize_t width, directions):
+    def __init__(self, Integrable equations, method: Integrator, description: LoopDescription, library: Library,
+                 Py_ssize_t width, directions: Sequence[int]):
         cdef long[::1] of = np.array([*directions, -1], dtype="l")
         self.take(equations, method, description, library, equations.core.sizes.parameters, of.shape[0] - 1)
         addresses = self.library.addresses
