@@ -118,52 +118,25 @@ cdef extern from "core/core.h" nogil:
         MOST_STAGES
         CORE_VERSION
 
-    cdef struct loops_api:
-        pass
-
-    cdef struct elastic_api:
-        pass
-
-    cdef struct system_api:
-        pass
-
-    cdef struct kinematics_api:
-        pass
-
-    cdef struct start_api:
-        pass
-
-    cdef struct start_lanes_api:
-        pass
-
-    cdef struct loop_lanes_api:
-        pass
-
-    cdef struct lane_runs_api:
-        pass
-
     cdef struct lane_functions:
         Py_ssize_t width
-        const start_lanes_api *starts
-        const kinematics_api *kinematics
-        const loop_lanes_api *loops
-        const lane_runs_api *runs
-
-    cdef struct variation_api:
-        pass
+        const void *starts
+        const void *kinematics
+        const void *loops
+        const void *runs
 
     cdef struct core_api:
         long version, real_bytes
         double epsilon
         const char *real_name
         void (*watch)(int (*)() noexcept nogil) noexcept nogil
-        const loops_api *loops
-        const elastic_api *elastic
-        const system_api *system
-        const kinematics_api *kinematics
-        const start_api *start
+        const void *loops
+        const void *elastic
+        const void *system
+        const void *kinematics
+        const void *start
         const lane_functions *(*lanes)(Py_ssize_t) noexcept nogil
-        const variation_api *variations
+        const void *variations
         void (*widen)(long, const double *, const double *, void *) noexcept nogil
         void (*narrow)(long, const void *, double *, double *) noexcept nogil
         void (*call_rows)(kernel_t, long, const void *, const void *, long, long, const void *, void *, long, void *, long) noexcept nogil

@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-
 from symgen.runtime._core cimport (
-    Core, Integrable, Memory, Reals, at_least, equations, functions_of, interrupted, kernel_of, kernel_t, loops_api, memory_of,
+    Core, Integrable, Memory, Reals, at_least, equations, functions_of, interrupted, kernel_of, kernel_t, memory_of,
 )
 
 from symgen.calls import raise_failure
@@ -42,8 +41,7 @@ cdef extern from "core/loops.h" nogil:
         Py_ssize_t[3] angles
 
     cdef struct loop_account:
-        double closure, rates_left, hold
-        long iterations
+        double closure, rates_left
 
     cdef struct loop:
         loop_account *seen
@@ -213,16 +211,6 @@ cdef class LoopEquations(Integrable):
     def rates_left(self) -> float:
         """Part of the last required rates that no motion of the solved variables can supply."""
         return self.seen.rates_left
-
-    @property
-    def hold(self) -> float:
-        """Determinant of the drives of unknown effort at the last forces; zero at singular force transmission."""
-        return self.seen.hold
-
-    @property
-    def iterations(self) -> int:
-        """Iterations of the last closure."""
-        return self.seen.iterations
 
     def close(self, double t, double[::1] q) -> int:
         """Close the loop at t by Newton's method from q, in place; return the status."""

@@ -91,7 +91,6 @@ int loop_assemble(struct loop *l, real t, real *q, long *rank) {
             missing(l, t, q, b);
             ratio *= R(10);
         }
-        l->seen->iterations = k + 1;
     }
     const real defect = loop_evaluate(l, t, q);
     const struct qr *f = &l->factor;

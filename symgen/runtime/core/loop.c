@@ -146,7 +146,6 @@ int loop_close(struct loop *l, real t, real *q) {
     mask regular = 1;
     const int is_closed = any(closed_by_newton(l, 1, t, q, l->follows, &regular));
     enter(l);
-    l->seen->iterations = l->iterations;
     l->revision = 0;
     if (is_closed) {
         keep_pose(l, t, q);

@@ -52,7 +52,6 @@ struct loop_account {
     double rates_left; /* part of the required rates that no motion of the solved variables can supply */
     double hold;       /* determinant of the drives of unknown effort over the inputs of known effort */
     double stride;     /* time since the previous state [s]; 0: there is no previous state */
-    long iterations;
 };
 
 struct loop {
@@ -72,7 +71,7 @@ struct loop {
     long revision; /* of the equations at the last evaluation, at the pose `at`: 0 if there is none */
     real t, at[MOST];
     wide closure, soundness, hold; /* of the last pose, before they enter the accounts */
-    long iterations, looks;
+    long looks;
     wide *p, *scale, *screws, *matrix, *prescribed, *efforts, *loads, *work;
     wide *q, *u, *trial, *step, *reduced, *basis, *gain, *past, *change;
     real *columns, *followed; /* the scaled screws of the solved variables, six numbers for each: evaluated last, and

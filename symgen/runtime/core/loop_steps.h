@@ -147,7 +147,6 @@ static mask closed_by_newton(LOOP *l, mask open, wide t, wide *q, int follows, m
     struct newton w = {.most = WIDTH == 1 ? CLOSINGS : LANE_CLOSINGS, .close = fine, .rounded = coarse, .grows = 1,
                        .tolerated = R(l->sizes.tolerance), .halvings = WIDTH == 1 ? HALVINGS : 0};
     mask done = newton_solve(&w, open, correct_pose_of_loop, &c);
-    l->iterations = w.count;
     *regular = c.regular;
     if (any(w.worse)) {
         retry(l, w.worse, all(0), q);

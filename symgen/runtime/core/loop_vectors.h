@@ -18,7 +18,7 @@ struct loop_lanes {
     wide *matrix, *columns, *followed; /* as in struct loop */
     struct qr factor;
     wide closure, soundness, hold;
-    long iterations, looks;
+    long looks;
 };
 
 #define LOOP struct loop_lanes
