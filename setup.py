@@ -1,4 +1,4 @@
-"""Compiles what ``generated/manifest.json`` lists, and the runtime core, whose types for Python it writes."""
+"""Compiles what ``generated/manifest.json`` lists, and the runtime core with its declarations for Cython."""
 
 import ast
 import json
@@ -37,6 +37,23 @@ CORE = Path("symgen/runtime/core")
 # several times as long. Calls of models from Python are checks of their arguments.
 WRITTEN = "build/cython"
 LIGHTLY = {f"{WRITTEN}/symgen/": 1, f"{WRITTEN}/generated/": "g"}
+
+# Headers of the core with what bindings use; a structure stands before those that contain it.
+HEADERS = (
+    "equations run envelope system kinematics qr balls loop loops loop_lanes lane_runs start start_lanes "
+    "variations elastic_columns rigid_motion beams elastic lane_functions core"
+)
+# What a header declares: structures with and without their members, whole numbers, other numbers, and texts.
+INTERFACE = re.compile(
+    r"^struct (?P<name>\w+) \{\n(?P<members>.*?)^\};|^struct (?P<hidden>\w+);"
+    r"|^enum ?\w* \{(?P<values>.*?)\};|^#define (?P<whole>\w+) \d+L$"
+    r"|^#define (?P<number>\w+) \d+e-?\d+$|^#define (?P<text>\w+_NAMES)",
+    re.MULTILINE | re.DOTALL,
+)
+# Names in Cython of numbers and functions of the core, and types besides its structures.
+NUMBERS = {"real": "double", "wide": "double", "ptrdiff_t": "Py_ssize_t", "kernel": "kernel_t"}
+PLAIN = {*NUMBERS.values(), "long", "int", "size_t", "void", "char", "unsigned char", "signed char"}
+KERNEL = "void (*kernel_t)(" + 4 * "const double *, " + "double *, double *) noexcept nogil"
 
 # Types for Python of numbers in C, and of arrays of them.
 TYPES = {"double": "float", "bint": "bool", "long": "int", "Py_ssize_t": "int", "uintptr_t": "int"}
@@ -108,6 +125,50 @@ extensions = [
 ]
 
 
+def members(text, structures):
+    """Yield what a structure in C has, for Cython: functions, and numbers and structures of known types."""
+    text = re.sub(r"\bstruct (?=\w)", "", text.replace("*const *", "**"))
+    text = re.sub(r"\w+", lambda at: NUMBERS.get(at[0], at[0]), " ".join(text.split()))
+    for each in filter(None, (part.strip() for part in text.split(";"))):
+        kind = re.match(r"(?:const )?((?:un)?signed char|\w+) ", each)
+        if ")(" in each:
+            yield each.replace("(void)", "() noexcept nogil") + " noexcept nogil"
+        elif kind[1] in structures | PLAIN:
+            for name in each[kind.end() :].split(", "):
+                known = re.sub(r"^\*lambda$", '*lambda_ "lambda"', name)  # a word of Python
+                yield kind[0] + re.sub(r"\b[A-Z_]+\b(?=.*\])", r"_\g<0>", known)
+
+
+def interface():
+    """Return what headers of the core declare, for Cython; whole numbers have names with an underscore."""
+    texts = ((CORE / f"{name}.h").read_text(encoding="utf-8") for name in HEADERS.split())
+    found = [
+        at for text in texts for at in INTERFACE.finditer(re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL))
+    ]
+    defined = {at["name"] for at in found if at["name"]}
+    hidden = {at["hidden"] for at in found if at["hidden"]} - defined
+    lines = [f"    cdef struct {name}:\n        pass" for name in sorted(hidden)]
+    for at in found:
+        if at["name"]:
+            lines.append(f"    cdef struct {at['name']}:")
+            lines += [f"        {member}" for member in members(at["members"], defined | hidden)]
+        elif at["values"] or at["whole"]:
+            names = re.findall(r"(?:^|,)\s*(\w+)", at["values"] or at["whole"])
+            lines += ["    enum:", *(f'        _{name} "{name}"' for name in names)]
+        elif at["number"]:
+            lines.append(f"    double {at['number']}")
+        elif at["text"]:
+            lines.append(f"    const char *{at['text']}")
+    head = f'"""What headers of the core declare, written by ``setup.py``."""\n\nctypedef {KERNEL}\n\n'
+    return "\n".join([f'{head}cdef extern from "core/core.h" nogil:', *lines, ""])
+
+
+def write(path, text):
+    """Write a file if its text has changed."""
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
+        path.write_text(text, encoding="utf-8")
+
+
 def signature(text):
     """Return a function of a binding with types of Python instead of those of C."""
 
@@ -125,7 +186,7 @@ def signature(text):
 
 
 def stub(path):
-    """Write the types of a binding for Python, from its declarations, if they have changed."""
+    """Return the types of a binding for Python, from its declarations."""
     source, header = path.read_text(encoding="utf-8"), path.with_suffix(".pxd")
     lines = [STUB.format(path.name)]
     for name, body in re.findall(CLASS, header.read_text(encoding="utf-8")) if header.exists() else ():
@@ -147,9 +208,7 @@ def stub(path):
         else:
             within = len(at["function"]) - len(at["function"].lstrip(" "))
             lines.append(indent(signature(at["function"]), " " * within))
-    written, there = "\n".join(lines) + "\n", path.with_suffix(".pyi")
-    if not there.exists() or there.read_text(encoding="utf-8") != written:
-        there.write_text(written, encoding="utf-8")
+    return "\n".join([*lines, ""])
 
 
 class BuildExt(build_ext):
@@ -212,8 +271,9 @@ class EditableWheel(editable_wheel):
         )
 
 
+write(Path("symgen/runtime/_headers.pxd"), interface())
 for binding in sorted(Path("symgen/runtime").glob("*.pyx")):
-    stub(binding)
+    write(binding.with_suffix(".pyi"), stub(binding))
 
 setup(
     packages=[*find_packages(include=["symgen", "symgen.*"]), "symgen.generated", "symgen.templates"],

@@ -12,106 +12,16 @@ from symgen.runtime._core cimport (
     Core, Integrable, Memory, Reals, _DONE, at_least, equations, kernel_of, kernel_t, kernels, memory_of,
     sizes as equation_sizes,
 )
+from symgen.runtime._headers cimport (
+    _MOTION, _BLOCKS, _IN_MOTION, _AT_REST, _QUASI_STATIC, MOTION_NAMES, APPLIED_NAMES, BLOCKS_NAMES,
+    MATRICES_NAMES, VECTORS_NAMES, SPREAD_NAMES, rigid_motion, motion_kernels, motion_sizes, beam_counts,
+    beam_layout, beam_tangents, beams, elastic_api,
+)
 
 if TYPE_CHECKING:
     from symgen.runtime.beams.layout import BeamLayout
     from symgen.runtime.elastic.path import RigidMotionTable
     from symgen.runtime.kernels.library import Library
-
-cdef extern from "core/elastic.h" nogil:
-    enum:
-        _MOTION "MOTION"
-        _BLOCKS "BLOCKS"
-        _IN_MOTION "IN_MOTION"
-        _AT_REST "AT_REST"
-        _QUASI_STATIC "QUASI_STATIC"
-
-    const char *MOTION_NAMES
-    const char *APPLIED_NAMES
-    const char *BLOCKS_NAMES
-    const char *MATRICES_NAMES
-    const char *VECTORS_NAMES
-    const char *SPREAD_NAMES
-
-    cdef struct rigid_motion:
-        const double *t
-        const double *y
-        const double *motion
-        const double *joined
-        const double *shaft
-        const double *loads
-
-    cdef struct motion_kernels:
-        kernel_t links, joints, shaft, loads, setup, joints_setup
-
-    cdef struct motion_sizes:
-        long links, joints, shaft, loads, setup, joints_setup
-
-    cdef struct beam_counts:
-        Py_ssize_t unknowns, constraints, pieces, coordinates, masses, dampings, stiffnesses
-        Py_ssize_t shaft, shaft_slot, damped, apart, damped_at, entries, band, inner, constant_count, most_joints
-
-    cdef struct beam_layout:
-        beam_counts counts
-        const Py_ssize_t *sizes
-        const Py_ssize_t *constants_at
-        const Py_ssize_t *link_of
-        const Py_ssize_t *joints
-        const Py_ssize_t *places
-        const Py_ssize_t *places_at
-        const Py_ssize_t *slots
-        const Py_ssize_t *slots_at
-        const Py_ssize_t *joint_places
-        const Py_ssize_t *joint_at
-        const Py_ssize_t *mass_slots
-        const Py_ssize_t *damping_slots
-        const Py_ssize_t *stiffness_slots
-        const Py_ssize_t *loads_at
-        const Py_ssize_t *rows
-        const Py_ssize_t *columns
-        long thesis
-
-    cdef struct beam_tangents:
-        Py_ssize_t parameters, points, entries
-        const Py_ssize_t *rows
-        const Py_ssize_t *columns
-        const double *times
-        const double *weights
-        const double *values
-
-    cdef struct beams:
-        beam_layout layout
-        Py_ssize_t entries, free, whole, inner, modes
-        const Py_ssize_t *rows
-        const Py_ssize_t *columns
-        const double *mass
-        const double *damping
-        const double *stiffness
-        const double *load
-        const double *basis
-        const double *full_mass
-        const double *full_damping
-        const double *full_stiffness
-        const double *full_load
-        double *constants
-        const double *bound
-        const double *forces
-        const double *full_forces
-
-    cdef struct elastic_table "elastic_api":
-        size_t motion_struct, beams_struct
-        size_t (*motion_bytes)(const equations *, const motion_sizes *) noexcept nogil
-        void (*motion_bind)(rigid_motion *, equations *, const motion_kernels *, const motion_sizes *, double, void *) noexcept nogil
-        void (*motion_start)(rigid_motion *, double, const void *) noexcept nogil
-        void (*motion_follow)(rigid_motion *, const void *, const void *, long, double, long) noexcept nogil
-        int (*motion_at)(rigid_motion *, double) noexcept nogil
-        int (*motion_along)(rigid_motion *, const void *, long, void *, void *, void *, void *) noexcept nogil
-        size_t (*beams_bytes)(const beam_layout *) noexcept nogil
-        void (*beams_bind)(beams *, rigid_motion *, const beam_layout *, void *) noexcept nogil
-        int (*beams_assemble)(beams *, double, int) noexcept nogil
-        int (*beams_valid)(const beams *) noexcept nogil
-        void (*beams_unbalanced)(beams *, int, const void *, void *) noexcept nogil
-        size_t (*beams_carry)(beams *, beam_tangents *, void *) noexcept nogil
 
 
 cdef tuple _names(const char *listed):
@@ -164,7 +74,7 @@ cdef class RigidMotion:
     """
 
     cdef readonly Integrable equations
-    cdef const elastic_table *api
+    cdef const elastic_api *api
     cdef rigid_motion *core
     cdef Memory memory
     cdef motion_sizes sizes
@@ -180,7 +90,7 @@ cdef class RigidMotion:
         if min(sizes.values()) < 0:
             raise ValueError(f"expected sizes of the kernels' results, got {sizes!r}")
         self.equations, self.sizes = equations, sizes
-        self.api = <const elastic_table *>equations.of.api.elastic
+        self.api = equations.of.api.elastic
         self.libraries = (motion, joints)
         moving, joining = motion.addresses, joints.addresses
         functions.links, functions.joints = kernel_of(moving, "links"), kernel_of(joining, "joints")
@@ -356,7 +266,7 @@ cdef class BeamEquations(Integrable):
     cdef readonly RigidMotion motion
     cdef readonly Py_ssize_t whole
     cdef readonly bint thesis
-    cdef const elastic_table *api
+    cdef const elastic_api *api
     cdef beams *assembly
     cdef _Packed packed
     cdef beam_tangents tangents

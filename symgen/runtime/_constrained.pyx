@@ -11,130 +11,17 @@ from libc.string cimport memcpy, memset
 
 from symgen.calls import FAILURES, raise_failure
 from symgen.runtime._core cimport Core, Integrable, at_least, equations, kernel_of, kernel_t, kernels, sizes
+from symgen.runtime._headers cimport (
+    _WIDEST_ROW, envelope, states, slopes as slopes_at, part, elements, rows, ties, rigid, added, system,
+    system_motion, system_api,
+)
 from symgen.runtime._core import DOUBLE
 
 if TYPE_CHECKING:
     from symgen.runtime.elastic.large.collocation import EnvelopePattern
     from symgen.runtime.kernels.evaluate import Evaluator
 
-cdef extern from "core/system.h" nogil:
-    enum:
-        WIDEST_ROW
-
-    cdef struct envelope:
-        Py_ssize_t n
-        const Py_ssize_t *first
-        const Py_ssize_t *at
-
-    cdef struct states:
-        Py_ssize_t count, unknowns, multipliers, known
-        const double *t
-        const double *q
-        const double *v
-        const double *a
-        const double *lambda_ "lambda"
-        const double *z
-        const double *z_rates
-
-    cdef struct slopes_at "slopes":
-        Py_ssize_t size
-        double *by_a
-        double *by_v
-        double *by_q
-        double *jacobian
-
-    cdef struct part:
-        const Py_ssize_t *slots
-        const Py_ssize_t *below
-        const Py_ssize_t *right
-
-    cdef struct elements:
-        part part
-        kernel_t residual, tangent, energies
-        Py_ssize_t count, size, stride
-        const Py_ssize_t *places
-        const double *properties
-        double *state
-        double *out
-
-    cdef struct rows:
-        part part
-        kernel_t row
-        Py_ssize_t count, size, first, factors_of, properties_of, acting_of
-        const Py_ssize_t *places
-        const double *factors
-        const double *properties
-        const double *acting
-        Py_ssize_t inner_count
-        const Py_ssize_t *inner
-        const double *curvature
-        double *out
-
-    cdef struct ties:
-        part part
-        Py_ssize_t count
-        const Py_ssize_t *rows
-        const Py_ssize_t *places
-        const double *factors
-
-    cdef struct rigid:
-        part part
-        kernel_t joints, rates, constraints, energy
-        Py_ssize_t n, count, load, jacobian, columns, power
-        Py_ssize_t[3] at
-        Py_ssize_t[3] entries
-        const Py_ssize_t *of_rows
-        const Py_ssize_t *in_jacobian
-        const double *p_joints
-        const double *p
-        const double *sizes
-        double *work
-        double *spare
-        double *out
-
-    cdef struct added:
-        part part
-        void *owner
-        void (*forces)(void *, const states *, double *) noexcept nogil
-        void (*slopes)(void *, const states *, double *) noexcept nogil
-        double (*power)(void *, Py_ssize_t) noexcept nogil
-        Py_ssize_t entries
-        double *found
-
-    cdef struct system:
-        Py_ssize_t unknowns, multipliers, known, count
-        const part **parts
-        envelope envelope
-        const Py_ssize_t *position
-        slopes_at slopes
-        double *x
-        double *y
-
-    cdef struct system_motion:
-        system *of
-        const double *scale
-        const double *a
-        const double *lambda_ "lambda"
-        long first, count, each
-        const double *z
-        const double *z_rates
-        void (*prescribe)(void *, long, double, const double *) noexcept nogil
-        void *owner
-        const double *a_of
-        const double *lambda_of
-
-    cdef struct system_table "system_api":
-        void (*bind_elements)(elements *, int) noexcept nogil
-        void (*bind_rows)(rows *) noexcept nogil
-        void (*bind_ties)(ties *) noexcept nogil
-        void (*bind_rigid)(rigid *) noexcept nogil
-        void (*bind_added)(added *) noexcept nogil
-        void (*evaluate)(const system *, const states *, void *, void *, void *) noexcept nogil
-        void (*refresh)(const system *, const states *) noexcept nogil
-        int (*accelerate)(const system *, void *, void *) noexcept nogil
-        void (*bind_motion)(equations *, system_motion *) noexcept nogil
-
-cdef const system_table *API = <const system_table *>(<Core>DOUBLE).api.system
+cdef const system_api *API = (<Core>DOUBLE).api.system
 
 
 cdef int _within(str what, values, Py_ssize_t low, Py_ssize_t high) except -1:
@@ -245,8 +132,8 @@ cdef class Rows(Part):
         self.of, own.row, own.first = &own.part, <kernel_t>kernel, first
         own.count, own.size = places.shape
         own.factors_of, own.properties_of, own.acting_of = factors.shape[1], properties.shape[1], acting.shape[1]
-        if max(own.size, own.factors_of, own.acting_of) > WIDEST_ROW:
-            raise ValueError(f"expected at most {WIDEST_ROW} numbers of a row, got {own.size}, {own.factors_of}, {own.acting_of}")
+        if max(own.size, own.factors_of, own.acting_of) > _WIDEST_ROW:
+            raise ValueError(f"expected at most {_WIDEST_ROW} numbers of a row, got {own.size}, {own.factors_of}, {own.acting_of}")
         for of in (slopes, factors, properties, acting):
             at_least("rows", len(of), own.count)
         self.read, self.places, self.inner = places, _places(places), _places(inner)

@@ -239,8 +239,8 @@ cdef class Core:
     def __init__(self, uintptr_t address=0, owner: Any = None):
         self.api = <const core_api *>address if address else &symgen_core
         self.owner, self.schemes = owner, {}
-        if self.api.version != CORE_VERSION:
-            raise ValueError(f"expected a core of version {CORE_VERSION}, got {self.api.version}")
+        if self.api.version != _CORE_VERSION:
+            raise ValueError(f"expected a core of version {_CORE_VERSION}, got {self.api.version}")
         self.api.watch(interrupted)
 
     @property
@@ -343,7 +343,7 @@ cdef class Scheme:
         if needed < 0:
             raise ValueError(
                 f"a method of kind {method.kind!r} cannot have the counts {counts}: an explicit one has at "
-                f"most {MOST_STAGES} stages and two estimates of its error, a composition an odd number of parts"
+                f"most {_MOST_STAGES} stages and two estimates of its error, a composition an odd number of parts"
             )
         at_least(f"numbers of a method of kind {method.kind!r}", numbers.shape[0], needed)
         self.memory = memory_of(0, numbers.shape[0] * core.api.real_bytes)
@@ -736,7 +736,7 @@ cdef class Run:
             self._take_events(r.events)
 
     cdef void _take_passages(self):
-        cdef passage found[MOST_PASSAGES]
+        cdef passage found[_MOST_PASSAGES]
         cdef long i, count = self.of.api.take_passages(self.core, found)
         for i in range(count):
             self.passages.append((found[i].t, found[i].soundness, found[i].weakest))

@@ -6,6 +6,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from symgen.runtime._core cimport Core, Memory, at_least, functions_of, interrupted, kernel_of, kernel_t, memory_of
+from symgen.runtime._headers cimport (
+    kinematics, kinematic_kernels, kinematic_groups, kinematic_sizes, kinematic_extremes, kinematic_task,
+    kinematics_api,
+)
 
 from symgen.calls import raise_failure
 from symgen.runtime._core import DOUBLE
@@ -15,57 +19,6 @@ if TYPE_CHECKING:
     from symgen.runtime.kernels.evaluate import Evaluator
     from symgen.runtime.kernels.library import Library
     from symgen.runtime.rods.following.groups import Groups
-
-cdef extern from "core/kinematics.h" nogil:
-    cdef struct kinematics:
-        pass
-
-    cdef struct kinematic_kernels:
-        kernel_t closure, gamma, setup, points, balance, joints, setup_forces
-
-    cdef struct kinematic_groups:
-        Py_ssize_t count, squares, filled, couplings
-        const Py_ssize_t *starts
-        const Py_ssize_t *rows
-        const Py_ssize_t *columns
-        const Py_ssize_t *entries
-        const Py_ssize_t *coupling_starts
-        const Py_ssize_t *coupling_columns
-
-    cdef struct kinematic_sizes:
-        Py_ssize_t n, m, work, out, parameters, derived, derived_forces, joint_forces, coordinates, links
-        double rank_tolerance
-
-    cdef struct kinematic_extremes:
-        const unsigned char *recorded
-        const Py_ssize_t *starts
-        Py_ssize_t vectors
-        const unsigned char *wanted
-        const Py_ssize_t *links
-        Py_ssize_t link_count
-        double turn
-        double *rows
-        double *closure
-        unsigned char *steady
-
-    cdef struct kinematic_task:
-        double t
-        const double *parameters
-        const double *q
-        const double *lengths
-        const double *times
-        Py_ssize_t count
-        double *rows
-        double *forces
-        Py_ssize_t *reached
-        const kinematic_extremes *extremes
-
-    cdef struct kinematics_table "kinematics_api":
-        size_t kinematics_struct
-        size_t (*bytes)(const kinematic_sizes *, const kinematic_groups *) noexcept nogil
-        void (*bind)(kinematics *, const kinematic_sizes *, const kinematic_kernels *, const kinematic_groups *, void *) noexcept nogil
-        void (*follow)(kinematics *, const kinematic_task *) noexcept nogil
-        Py_ssize_t (*multipliers)(kinematics *, const double *, const double *, const double *, const double *, Py_ssize_t, double *, double *) noexcept nogil
 
 
 cdef class Blocks:
@@ -105,7 +58,7 @@ cdef class Steps:
 
     cdef kinematics *core
     cdef Memory memory
-    cdef const kinematics_table *api
+    cdef const kinematics_api *api
     cdef kinematic_sizes sizes
     cdef kinematic_kernels functions
     cdef list libraries
@@ -156,7 +109,7 @@ cdef class Kinematics(Steps):
     cdef const double[::1] p, balance_p
 
     def __init__(self, evaluator: Evaluator, groups: Groups, double length, forces: Evaluator | None = None):
-        self.api, self.length = <const kinematics_table *>(<Core>DOUBLE).api.kinematics, length
+        self.api, self.length = (<Core>DOUBLE).api.kinematics, length
         self.p, self.balance_p = evaluator.parameters, (forces or evaluator).parameters
         called = [evaluator.info(k) for k in ("closure", "acceleration_rhs")] + ([forces.info("balance")] if forces else [])
         of_forces = (forces.description, forces.library) if forces else None
@@ -230,7 +183,7 @@ cdef class KinematicLanes(Steps):
     def __init__(self, motion: tuple[Description, Library], Py_ssize_t lanes, groups: Groups,
                  forces: tuple[Description, Library] | None = None):
         d, library = motion
-        self.lanes, self.api = lanes, <const kinematics_table *>functions_of(lanes).kinematics
+        self.lanes, self.api = lanes, functions_of(lanes).kinematics
         self.sizes.parameters, self.sizes.derived = len(d.tunable), library.derived
         self.sizes.rank_tolerance, self.sizes.links = d.rank_tolerance, len(d.links)
         self.functions.setup, self.functions.points = kernel_of(library.addresses, "setup"), kernel_of(library.addresses, "points")

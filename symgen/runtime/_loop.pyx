@@ -8,83 +8,17 @@ import numpy as np
 from symgen.runtime._core cimport (
     Core, Integrable, Memory, Reals, at_least, equations, functions_of, interrupted, kernel_of, kernel_t, memory_of,
 )
+from symgen.runtime._headers cimport (
+    _OPEN, _INCONSISTENT, _POLE, _RATES_UNDETERMINED, _ROWS, _MOST, _CLOSURE, _RATES, _SOUNDNESS, _HOLD, _STATUS,
+    _DIAGNOSES, loop_kernels, loop_sizes, ball, loop_account, loop, loop_lanes, loop_lane_task, loop_lanes_api,
+    loops_api,
+)
 
 from symgen.calls import raise_failure
 from symgen.runtime._core import DOUBLE
 
 if TYPE_CHECKING:
     from symgen.runtime.kernels.library import Library
-
-cdef extern from "core/loops.h" nogil:
-    enum:
-        _OPEN "OPEN"
-        _INCONSISTENT "INCONSISTENT"
-        _POLE "POLE"
-        _RATES_UNDETERMINED "RATES_UNDETERMINED"
-        ROWS
-        MOST
-        _CLOSURE "CLOSURE"
-        _RATES "RATES"
-        _SOUNDNESS "SOUNDNESS"
-        _HOLD "HOLD"
-        _STATUS "STATUS"
-        DIAGNOSES
-
-    cdef struct loop_kernels:
-        kernel_t inputs, position, motion, inverse, given, outputs, energy, setup, events, series
-
-    cdef struct loop_sizes:
-        long n, parameters, derived, extra, work, out_size, solved, inputs, unknown, known, balls, switches, tables, rank, series_rows, series_watched
-        double size, tolerance
-
-    cdef struct ball:
-        Py_ssize_t[3] angles
-
-    cdef struct loop_account:
-        double closure, rates_left
-
-    cdef struct loop:
-        loop_account *seen
-
-cdef extern from "core/loop_lanes.h" nogil:
-    cdef struct loop_lanes:
-        pass
-
-    cdef struct loop_lane_task:
-        const double *own
-        const double *parameters
-        const double *start
-        const double *stages
-        Py_ssize_t stage_count
-        double begin
-        Py_ssize_t lead
-        bint starts_at_zero
-        const double *values
-        double *times
-        Py_ssize_t count
-        double close, longest, apart, least
-        double *out
-        double *hold
-        double *closure
-        Py_ssize_t *reached
-
-    cdef struct lanes_table "loop_lanes_api":
-        size_t lanes_struct
-        size_t (*bytes)(const loop_sizes *) noexcept nogil
-        void (*bind)(loop_lanes *, const loop_sizes *, const loop_kernels *, const Py_ssize_t *, const unsigned char *, void *) noexcept nogil
-        void (*follow)(loop_lanes *, const loop_lane_task *) noexcept nogil
-
-cdef extern from "core/loops.h" nogil:
-    cdef struct loops_table "loops_api":
-        size_t loop_struct
-        size_t (*bytes)(const loop_sizes *) noexcept nogil
-        void (*bind)(loop *, const loop_sizes *, const loop_kernels *, const Py_ssize_t *, const unsigned char *, const ball *, void *) noexcept nogil
-        int (*close)(loop *, double, void *) noexcept nogil
-        int (*assemble)(loop *, double, void *, long *) noexcept nogil
-        double (*closed_screws)(loop *, double, const void *, void *) noexcept nogil
-        int (*turn)(loop *, void *) noexcept nogil
-        int (*follow)(loop *, double *, void *, const void *, long, double, void *, long, void *, long, double *, long *) noexcept nogil
-        void (*undetermined)(loop *, const void *, const void *, long, long, double, double, unsigned char *) noexcept nogil
 
 #: Status of closing and moving a loop, in addition to the core's own.
 OPEN, INCONSISTENT, POLE, RATES_UNDETERMINED = _OPEN, _INCONSISTENT, _POLE, _RATES_UNDETERMINED
@@ -142,11 +76,11 @@ cdef class LoopEquations(Integrable):
         Coefficients of one order of power series, and those of the kernel 'events' among them.
     """
 
-    cdef const loops_table *api
+    cdef const loops_api *api
     cdef loop_account *seen
     cdef loop_sizes sizes
     cdef Py_ssize_t[::1] numbers
-    cdef ball[MOST] balls
+    cdef ball[_MOST] balls
     cdef unsigned char[::1] lengths
     cdef readonly double size
     cdef readonly Py_ssize_t rank
@@ -164,13 +98,13 @@ cdef class LoopEquations(Integrable):
         addresses = library.addresses
         if not addresses.get("position"):
             raise ValueError("expected a loop with the kernel 'position'")
-        if len(lengths) > MOST:
-            raise ValueError(f"expected at most {MOST} variables of a loop, got {len(lengths)}")
+        if len(lengths) > _MOST:
+            raise ValueError(f"expected at most {_MOST} variables of a loop, got {len(lengths)}")
         for i in (*solved, *inputs, *unknown):
             if not 0 <= i < len(lengths):
                 raise ValueError(f"expected numbers of variables below {len(lengths)}, got {i}")
-        if not 0 <= rank <= min(ROWS, len(solved)):
-            raise ValueError(f"expected a rank of at most {min(ROWS, len(solved))}, got {rank}")
+        if not 0 <= rank <= min(_ROWS, len(solved)):
+            raise ValueError(f"expected a rank of at most {min(_ROWS, len(solved))}, got {rank}")
         found = [list(solved).index(i) for i in unknown if i in list(solved)]
         known = [k for k, i in enumerate(inputs) if i not in list(unknown)]
         if len(found) > len(known):
@@ -189,13 +123,13 @@ cdef class LoopEquations(Integrable):
         else:
             wanted.series_rows = wanted.series_watched = 0
         at_least("parameters", wanted.parameters, wanted.balls + wanted.switches)
-        if len(balls) > MOST or any([not -1 <= i < len(lengths) for angles in balls for i in angles]):
+        if len(balls) > _MOST or any([not -1 <= i < len(lengths) for angles in balls for i in angles]):
             raise ValueError(f"expected numbers of variables below {len(lengths)} for each ball joint, got {balls!r}")
         for k in range(wanted.balls):
             self.balls[k].angles[0], self.balls[k].angles[1], self.balls[k].angles[2] = balls[k]
         self.of, self.size, self.rank, self.out_size, self.sizes = core, size, rank, out_size, wanted
         self.libraries = (library,)
-        self.api = <const loops_table *>core.api.loops
+        self.api = core.api.loops
         self.memory = memory_of(self.api.loop_struct, self.api.bytes(&wanted))
         self.core = <equations *>self.memory.structure
         self.api.bind(<loop *>self.core, &wanted, &functions, &self.numbers[0], &self.lengths[0], self.balls, self.memory.at)
@@ -231,7 +165,7 @@ cdef class LoopEquations(Integrable):
 
     def closed_screws(self, double t, q: Array) -> tuple[Array, float]:
         """Return the screws of all variables at q, shape (6, n), and the defect of closure there."""
-        screws = np.empty((ROWS, self.n))
+        screws = np.empty((_ROWS, self.n))
         cdef Reals state = Reals(self.of, q), into = Reals(self.of, screws)
         at_least("variables", state.count, self.n)
         cdef double defect = self.api.closed_screws(<loop *>self.core, t, state.at, into.at)
@@ -275,11 +209,11 @@ cdef class LoopEquations(Integrable):
         cdef long count = 0
         cdef int status
         at_least("variables", state.count, self.n)
-        at_least("columns of states", states.shape[1], 3 * self.n + ROWS)
+        at_least("columns of states", states.shape[1], 3 * self.n + _ROWS)
         at_least("columns of out", out.shape[1], self.out_size)
-        at_least("columns of the diagnosis", diagnosis.shape[1], DIAGNOSES)
-        if diagnosis.shape[0] and diagnosis.shape[1] != DIAGNOSES:
-            raise ValueError(f"expected {DIAGNOSES} columns of the diagnosis, got {diagnosis.shape[1]}")
+        at_least("columns of the diagnosis", diagnosis.shape[1], _DIAGNOSES)
+        if diagnosis.shape[0] and diagnosis.shape[1] != _DIAGNOSES:
+            raise ValueError(f"expected {_DIAGNOSES} columns of the diagnosis, got {diagnosis.shape[1]}")
         for found in (states.shape[0], out.shape[0], diagnosis.shape[0]):
             at_least("rows", found, when.count)
         with nogil:
@@ -334,7 +268,7 @@ cdef class LoopLanes:
 
     cdef loop_lanes *core
     cdef Memory memory
-    cdef const lanes_table *api
+    cdef const loop_lanes_api *api
     cdef Py_ssize_t lanes
     cdef loop_sizes sizes
     cdef LoopEquations like
@@ -344,11 +278,11 @@ cdef class LoopLanes:
         cdef loop_kernels functions = kernels_of(library.addresses)
         self.like, self.library, self.sizes, self.lanes = like, library, like.sizes, lanes
         self.sizes.derived = library.derived
-        self.api = <const lanes_table *>functions_of(lanes).loops
+        self.api = functions_of(lanes).loops
         if functions.inputs == NULL or functions.position == NULL or functions.motion == NULL or functions.outputs == NULL:
             raise ValueError("expected kernels of a driven loop with outputs")
-        if self.sizes.rank != self.sizes.solved or not 0 < self.sizes.solved <= ROWS:
-            raise ValueError(f"expected one to {ROWS} independent screws, got {self.sizes.solved} of rank {self.sizes.rank}")
+        if self.sizes.rank != self.sizes.solved or not 0 < self.sizes.solved <= _ROWS:
+            raise ValueError(f"expected one to {_ROWS} independent screws, got {self.sizes.solved} of rank {self.sizes.rank}")
         self.memory = memory_of(self.api.lanes_struct, self.api.bytes(&self.sizes))
         self.core = <loop_lanes *>self.memory.structure
         self.api.bind(self.core, &self.sizes, &functions, &like.numbers[0], &like.lengths[0], self.memory.at)

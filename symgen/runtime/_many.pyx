@@ -13,9 +13,9 @@ from symgen.runtime._core cimport (
     kernel_t, kernels, memory_of, report, run, scheme as scheme_t, task,
 )
 from symgen.runtime._start cimport (
-    Starter, start, start_kernels, start_sizes, start_table, _ON_THE_WAY, _STARTED,
+    Starter, start, start_kernels, start_sizes, start_api, _ON_THE_WAY, _STARTED,
 )
-
+from symgen.runtime._headers cimport lane_sizes, lane_runs, lane_runs_api
 
 from symgen.calls import raise_failure
 from symgen.runtime._core import DOUBLE
@@ -24,21 +24,6 @@ if TYPE_CHECKING:
     from symgen.runtime.integrate.integrators.method import Integrator
     from symgen.runtime.kernels.evaluate import Evaluator
     from symgen.runtime.kernels.library import Library
-
-cdef extern from "core/lane_runs.h" nogil:
-    cdef struct lane_sizes:
-        Py_ssize_t n, m, extra, parameters, derived, work, first_pivot, series_rows
-        double rank_tolerance
-
-    cdef struct lane_runs:
-        pass
-
-    cdef struct lane_table "lane_runs_api":
-        size_t lanes_struct
-        size_t (*bytes)(const lane_sizes *, const scheme_t *) noexcept nogil
-        void (*bind)(lane_runs *, const lane_sizes *, const kernels *, const scheme_t *, const task *, void *) noexcept nogil
-        void (*run)(lane_runs *, const double *, const double *, const double *, long, double *, double *,
-                    char *) noexcept nogil
 
 
 def over_variants(evaluator: Evaluator, str kernel, const double[:, ::1] variants, const double[::1] times,
@@ -104,7 +89,7 @@ cdef class Lanes:
     cdef readonly Py_ssize_t lanes
     cdef lane_sizes sizes
     cdef kernels functions
-    cdef const lane_table *api
+    cdef const lane_runs_api *api
     cdef lane_runs *core
     cdef Memory memory
     cdef object library
@@ -114,7 +99,7 @@ cdef class Lanes:
     def __init__(self, library: Library, KernelEquations equations, Py_ssize_t lanes):
         addresses = library.addresses
         self.library, self.lanes = library, lanes
-        self.api = <const lane_table *>functions_of(lanes).runs
+        self.api = functions_of(lanes).runs
         self.functions.accelerations, self.functions.factor = kernel_of(addresses, "accelerations"), kernel_of(addresses, "factor")
         self.functions.solve, self.functions.constraints = kernel_of(addresses, "solve"), kernel_of(addresses, "constraints")
         self.functions.velocity_constraints = kernel_of(addresses, "velocity_constraints")
@@ -165,7 +150,7 @@ cdef class Starts:
     cdef const core_api *api
     cdef equations *e
     cdef start *s
-    cdef const start_table *of_start
+    cdef const start_api *of_start
     cdef start_sizes sizes
     cdef start_kernels kernels
     cdef Memory fresh
@@ -358,7 +343,7 @@ cdef class LinkageRuns(Starts):
     cdef readonly Py_ssize_t alone
     cdef double[::1] parameters, start
     cdef bint is_known, is_regular
-    cdef const lane_table *of_lanes
+    cdef const lane_runs_api *of_lanes
     cdef lane_runs *in_lanes
     cdef double[::1] lane_parameters, lane_states, lane_samples, lane_drifts
     cdef char[::1] failed, found

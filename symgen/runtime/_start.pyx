@@ -27,7 +27,7 @@ def size_of_points(const double[:, ::1] positions) -> float:
 
     It is twice their largest distance from their mean, which no rotation changes; NaN if a position is not finite.
     """
-    cdef const start_table *api = <const start_table *>(<Core>DOUBLE).api.start
+    cdef const start_api *api = (<Core>DOUBLE).api.start
     if not positions.shape[0] or not 0 < positions.shape[1] <= 3:
         raise ValueError(f"expected positions with 1 to 3 axes, got {positions.shape[0]} with {positions.shape[1]}")
     return api.size(positions.shape[0], positions.shape[1], &positions[0, 0])
@@ -75,7 +75,7 @@ cdef class Starter:
                 self.sizes.points, self.sizes.axes = d.drawn, info.blocks[0].shape[1]
             elif name == "start_velocity":
                 self.sizes.prescribed = rows
-        self.api = <const start_table *>core.api.start
+        self.api = core.api.start
         self.memory = memory_of(self.api.start_struct, self.api.bytes(&self.sizes))
         self.core = <start *>self.memory.structure
         self.api.bind(self.core, &self.sizes, &self.functions, &self.p[0], self.memory.at)
@@ -144,7 +144,7 @@ cdef class StartLanes:
 
     cdef start_lanes *core
     cdef Memory memory
-    cdef const start_lanes_table *api
+    cdef const start_lanes_api *api
     cdef start_sizes sizes
     cdef Py_ssize_t lanes, parameters
     cdef object library
@@ -153,7 +153,7 @@ cdef class StartLanes:
         cdef start_lane_kernels functions
         cdef Py_ssize_t every = parameters + library.derived + 1
         self.library, self.sizes, self.lanes, self.parameters = library, like.sizes, lanes, parameters
-        self.api = <const start_lanes_table *>functions_of(lanes).starts
+        self.api = functions_of(lanes).starts
         own = library.addresses
         functions.setup, functions.drawn = kernel_of(own, "setup"), kernel_of(own, "drawn")
         functions.assembly, functions.points = kernel_of(own, "assembly"), kernel_of(own, "points")

@@ -10,49 +10,15 @@ from symgen.runtime._core cimport (
     KernelEquations, Integrable, Memory, Scheme, at_least, equations, kernel_of, kernel_t, held_parameters, memory_of,
     scheme as scheme_t,
 )
+from symgen.runtime._headers cimport (
+    _SLOPES_OF, variation_kernels, variation_sizes, variations, variation_behaviour, variation_api,
+)
 
 if TYPE_CHECKING:
     from symgen.runtime.integrate.integrators.method import Integrator
     from symgen.runtime.kernels.description import LoopDescription
     from symgen.runtime.kernels.evaluate import Evaluator
     from symgen.runtime.kernels.library import Library
-
-
-cdef extern from "core/variations.h" nogil:
-    enum:
-        SLOPES_OF
-
-    cdef struct variation_kernels:
-        kernel_t stage, closing, integrands, integrand_slopes, setup, rates, prescribed
-
-    cdef struct variation_sizes:
-        Py_ssize_t columns, integrals, parameters, derived, work, out
-        Py_ssize_t entries[SLOPES_OF]
-        const long *places[SLOPES_OF]
-        Py_ssize_t width
-        const long *directions
-
-    cdef struct variations:
-        double *moved
-        double *sums
-        double *summed
-        double *seed
-        double *weights
-        double *gradient
-
-    cdef struct variation_behaviour:
-        pass
-
-    cdef struct variation_table "variation_api":
-        size_t variations_struct
-        const variation_behaviour *rods
-        const variation_behaviour *loops
-        size_t (*bytes)(const variation_behaviour *, const equations *, const scheme_t *, const variation_sizes *) noexcept nogil
-        void (*bind)(variations *, const variation_behaviour *, equations *, const scheme_t *, const variation_sizes *, const variation_kernels *, void *) noexcept nogil
-        int (*forward)(variations *, long, const double *, const void *, const double *, long *) noexcept nogil
-        int (*backward)(variations *, long, const double *, const void *, const double *, long *) noexcept nogil
-        int (*count_parts)(variations *, long, const double *, const void *, const double *, double, double, double *, long *) noexcept nogil
-        void (*fill)(variations *, long, const double *, void *, const double *, const char *) noexcept nogil
 
 
 cdef class Variations:
@@ -63,7 +29,7 @@ cdef class Variations:
     cdef object library, kept
     cdef variation_sizes sizes
     cdef variation_kernels functions
-    cdef const variation_table *api
+    cdef const variation_api *api
     cdef variations *core
     cdef Memory memory
     cdef bint is_explicit
@@ -91,7 +57,7 @@ cdef class Variations:
 
     cdef int made(self, bint loop) except -1:
         """Set up the core."""
-        cdef const variation_table *api = <const variation_table *>self.equations.of.api.variations
+        cdef const variation_api *api = self.equations.of.api.variations
         cdef const variation_behaviour *of = api.loops if loop else api.rods
         self.api = api
         self.memory = memory_of(
@@ -233,7 +199,7 @@ cdef class LinkageVariations(Variations):
         whole = equations.n + equations.m
         rows = whole, equations.m, equations.m, self.sizes.integrals
         self.kept = [np.ascontiguousarray(each, dtype="l").reshape(-1, 3) for each in places]
-        for i in range(SLOPES_OF):
+        for i in range(_SLOPES_OF):
             of = self.kept[i]
             limits = rows[i], 2 * equations.n + whole + columns, self.sizes.out
             if of.shape[0] and ((self.kept[i] < 0).any() or (self.kept[i] >= limits).any()):
