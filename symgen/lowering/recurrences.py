@@ -23,7 +23,17 @@ from symgen.errors import DerivationError
 from symgen.lowering.coefficients import ALIGNED, CoefficientWriter
 from symgen.lowering.expressions import ZERO, Constant, Node, references
 from symgen.lowering.kernel import Assignment, Block, SeriesKernel, Store
-from symgen.lowering.series import ACCELERATION, MULTIPLIER, Argument, Linear, Terms, total, unit
+from symgen.lowering.series import (
+    ACCELERATION,
+    MULTIPLIER,
+    Argument,
+    Linear,
+    Terms,
+    Times,
+    Value,
+    total,
+    unit,
+)
 
 #: Statements from which on compilation takes more time than a run by power series saves.
 MOST = 1000
@@ -78,7 +88,7 @@ def lower_series(e: EquationsOfMotion) -> list[SeriesKernel]:
         For a function without a recurrence, and more than ``MOST`` statements.
     """
     n, terms = e.n, Terms(e.values, e.rates, e.n)
-    squares = {i: x for i, phi in e.constraints.items() if terms.quadratic(x := terms.of(phi))}
+    squares = {i: x for i, phi in e.constraints.items() if (x := _quadratic(terms, terms.of(phi)))}
     sums = {i: [terms.of(e.sides.get(i, ZERO))] for i in range(n + e.m) if i - n not in squares}
 
     def subtract(row: int, factor: Node, array: str, i: int) -> None:
@@ -125,6 +135,21 @@ def lower_series(e: EquationsOfMotion) -> list[SeriesKernel]:
     if e.mass and sum(len(kernel.assignments) for kernel in kernels) > MOST:  # loops have few links
         raise DerivationError("the motion has too many terms for power series")
     return kernels
+
+
+def _quadratic(terms: Terms, x: Linear) -> Linear | None:
+    """Return a sum as a polynomial of second degree in the coordinates alone; None if it is none."""
+    parts = [Linear(x.constant)]
+    for atom, c in x.terms:
+        part: Linear | None = unit(atom)
+        if isinstance(atom, Value) and not terms.is_early(atom):
+            part = _quadratic(terms, terms.named[atom])
+        elif not all(map(terms.is_early, terms.operands(atom) if isinstance(atom, Times) else [atom])):
+            part = None
+        if part is None:
+            return None
+        parts.append(part.scaled(c))
+    return total(parts)
 
 
 def _kernel(

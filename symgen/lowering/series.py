@@ -391,10 +391,3 @@ class Terms:
                 waiting.append(atom.pair)
         found = (a for a in done if isinstance(a, Times | Function))
         return sorted(found, key=self.level)
-
-    def quadratic(self, x: Linear) -> bool:
-        """Return whether a sum is a polynomial of second degree in the coordinates alone."""
-        return all(
-            self.is_early(a) or (isinstance(a, Times) and all(map(self.is_early, self.operands(a))))
-            for a, _ in x.terms
-        )

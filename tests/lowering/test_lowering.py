@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy as sp
+from shared.linkages import GRAVITY, at, ground, rod
 from shared.shipped import lowered
 
 import symgen
@@ -18,6 +19,7 @@ from symgen.codegen.target import Target
 from symgen.errors import DerivationError
 from symgen.lowering import expressions
 from symgen.lowering.expressions import Constant, Reference, lower
+from symgen.lowering.program import lower_system
 from symgen.lowering.sparse_ldlt import factor, solve
 from symgen.lowering.straight_line import StraightLine, fold
 from symgen.models import BLOCKS
@@ -229,3 +231,12 @@ def test_a_row_that_follows_from_others_gets_no_multiplier():
 def test_what_nothing_determines_is_named():
     with pytest.raises(DerivationError, match="nothing determines y"):
         factor(StraightLine(), {(0, 0): Reference("a")}, (0, 1), 2, ["x", "y"], Constant("1e-13"))
+
+
+def test_lengths_take_no_products_of_velocities_in_series():
+    """Products of two multipliers and two coordinates each alone: squares take those of rods to fixed points, too."""
+    points = {"O": ground(0, 0), "A": at(1, 0), "B": at(1.6, 0.8)}
+    links = {a + b: {**rod(a, b), "length": "1 m"} for a, b in ("OA", "AB")}
+    scene = symgen.Scene(points=points, links=links, gravity=GRAVITY)
+    sides = next(k for k in lower_system(symgen.derive(scene)).series if k.name == "sides")
+    assert sides.products == 4

@@ -129,19 +129,23 @@ def test_a_start_on_the_branching_point_is_refused():
 def test_peaucellier_through_its_limit():
     """B and D pass through each other, and the crank turns back: the smooth branch, known independently.
 
-    Errors are of rounding over the distance of the nearest step from the limit: up to 1e-9 over tolerances from 1e-9
-    to 1e-13, half of them below 2e-11. The bounds are those of the stability suite.
+    Errors are of rounding over the distance of the nearest step from the limit: up to 2e-9 over tolerances from 1e-9
+    to 1e-13, about half of them below 2e-11. The bounds are those of the stability suite.
     """
     model = symgen.build("peaucellier_limit")
-    series = {"method": "taylor", "rtol": 1e-12}
-    for given, error in (({"rtol": 1e-12}, 2e-11), (series, 2e-11), ({"step": 1e-4, "method": "rk4"}, 6e-11)):
-        result = model.simulate(samples=81, **given)
-        expected = peaucellier_arm(0.4)(result.time)
-        for i, point in enumerate("ABCD"):
-            assert np.abs(result[f"{point}.position"].values - expected[:, i]).max() < error
-        note = result.notes[0]
-        assert "passed 1 loss of rank" in note
-        assert float(note.split("t = ")[1].split(" s")[0]) == pytest.approx(0.169936759, abs=1e-8)
+    tolerances = 10 ** -np.arange(11.5, 12.55, 0.1)
+    series, explicit = ([{"method": m, "rtol": x} for x in tolerances] for m in ("taylor", "dop853"))
+    for runs, error in ((series, 2e-11), (explicit, 2e-11), ([{"step": 1e-4, "method": "rk4"}], 6e-11)):
+        errors = []
+        for given in runs:
+            result = model.simulate(samples=81, **given)
+            expected = peaucellier_arm(0.4)(result.time)
+            apart = [result[f"{point}.position"].values - expected[:, i] for i, point in enumerate("ABCD")]
+            errors.append(np.abs(apart).max())
+            note = result.notes[0]
+            assert "passed 1 loss of rank" in note
+            assert float(note.split("t = ")[1].split(" s")[0]) == pytest.approx(0.169936759, abs=1e-8)
+        assert np.median(errors) < error and max(errors) < 2e-9
 
 
 @pytest.mark.parametrize("excess", [0.0, 1e-9, 1e-6])
@@ -244,10 +248,13 @@ def test_every_passage_is_found_however_large_the_steps(options):
     model = symgen.build(symgen.Scene(**data))
     notes = model.simulate(62.0, **options).notes
     assert notes[0].startswith("passed 20 losses of rank")
+    # Pivots fall with the square of the time to a passage: rounding hides times of 1e-8, twice where it is on both sides.
+    if options.get("method") == "taylor":
+        times = re.findall(r"(?:at t =|,) (\d[\d.]*)", notes[0])
+        assert np.array(times, float) == pytest.approx(0.9 + np.pi * np.arange(6), abs=5e-8)
     (note,) = model.simulate(0.901, samples=2).notes
-    # The time is located on steps of the default tolerance, 1e-8: not to every digit that the note prints.
     found = re.search(r"at t = ([\d.]+) s", note)
-    assert found and abs(float(found[1]) - 0.9) < 5e-9
+    assert found and abs(float(found[1]) - 0.9) < 2e-8
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,15 @@
 
 #include <string.h>
 
-/* Return the least pivot's part at a time of the last two steps, by cubic interpolation. */
+/* Whether the polynomial of the present step holds at a time, which may be before it: a series does as far back as it may
+   ahead, but not across a jump of a load. */
+static int is_polynomial(const struct run *run, real t) {
+    const struct kind *kind = run->scheme.kind;
+    const real back = run->state->t - t;
+    return kind->places && (back <= 0 || (run->e->sizes.switches == 0 && back <= kind->longest(run)));
+}
+
+/* Return the least pivot's part at a time of the last two steps, by the polynomial of the step or by cubic interpolation. */
 static double soundness(struct run *run, real t, real t_new) {
     const struct state *s = run->state;
     int last = t >= s->t;
@@ -11,8 +19,8 @@ static double soundness(struct run *run, real t, real t_new) {
     const real *y0 = last ? run->y : run->y_old, *y1 = last ? run->y_new : run->y;
     const real *u0 = y0 + run->e->n, *u1 = y1 + run->e->n;
     memcpy(run->error, y1, (size_t)run->dim * sizeof(real));
-    if (last && run->scheme.kind->places)
-        run->scheme.kind->places(run, x * h, run->error);
+    if (is_polynomial(run, t))
+        run->scheme.kind->places(run, t - s->t, run->error);
     else
         for (long i = 0; i < run->e->n; i++)
             run->error[i] = y0[i] + x * x * (R(3) - R(2) * x) * (y1[i] - y0[i])
@@ -50,16 +58,23 @@ static void look_for_passage(struct run *run, real a, real b, real t_new) {
     }
 }
 
+/* Parts of a step at whose ends pivots are evaluated. Steps of power series are at most half of the radius of convergence,
+   those of other methods up to all of it. */
+static int parts_of_step(const struct run *run) {
+    return run->scheme.kind->places ? STEP_PROBES / 2 : STEP_PROBES;
+}
+
 /* Find the least pivots inside the step to t_new. The pivots of a tree do not cancel at all, so there is nothing to
    follow. */
 void look_inside(struct run *run, real t_new) {
+    const int parts = parts_of_step(run);
     struct state *s = run->state;
     s->t_looked = t_new;
     s->looked = INFINITY;
     if (run->e->m == 0 || (s->sound == 1.0 && run->e->account->soundness == 1.0))
         return;
-    for (int k = 1; k < STEP_PROBES; k++) {
-        s->looks[k - 1] = soundness(run, s->t + R(k) * (t_new - s->t) / R(STEP_PROBES), t_new);
+    for (int k = 1; k < parts; k++) {
+        s->looks[k - 1] = soundness(run, s->t + R(k) * (t_new - s->t) / R(parts), t_new);
         s->looked = fmin(s->looked, s->looks[k - 1]);
     }
 }
@@ -68,13 +83,14 @@ void look_inside(struct run *run, real t_new) {
    (t_look, at_look). */
 void watch_rank(struct run *run, real t_new, double sound) {
     struct state *s = run->state;
+    const int parts = parts_of_step(run);
     if (run->e->m == 0 || (s->sound == 1.0 && sound == 1.0))
         return;
     if (s->t_looked != t_new || s->looked == INFINITY)
         look_inside(run, t_new);
-    for (int k = 1; k <= STEP_PROBES; k++) {
-        real t = s->t + R(k) * (t_new - s->t) / R(STEP_PROBES);
-        double at = k == STEP_PROBES ? sound : s->looks[k - 1];
+    for (int k = 1; k <= parts; k++) {
+        real t = s->t + R(k) * (t_new - s->t) / R(parts);
+        double at = k == parts ? sound : s->looks[k - 1];
         if (s->at_look <= s->at_before && s->at_look < at)
             look_for_passage(run, s->t_before, t, t_new);
         s->t_before = s->t_look, s->at_before = s->at_look;

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import lru_cache, partial
 from time import perf_counter
@@ -104,7 +103,7 @@ def run(
         of = Recording(evaluator, equations, stepper, chosen, wall, library, redundant, given)
         return Result._later(of)
 
-    with kept_on_interrupt(stepper, recorded):
+    with KeptOnInterrupt(stepper, recorded):
         ended = driven(stepper, t0, chosen, progress, keeping, mark, repeated)
     if isinstance(ended, Result):
         return ended
@@ -119,17 +118,26 @@ def run(
     )
 
 
-@contextmanager
-def kept_on_interrupt(stepper: _core.Run, recorded: Callable[[float], Result]) -> Iterator[None]:
-    """Raise Interrupted for Ctrl-C, with the samples of a run as ``recorded`` after a wall time [s]."""
-    begun = perf_counter()
-    try:
-        yield
-    except Interrupted:  # of the run that replaces this one
-        raise
-    except KeyboardInterrupt as stop:
-        partial = recorded(perf_counter() - begun) if stepper.recorded else None
-        raise Interrupted(str(stop), partial) from None
+class KeptOnInterrupt:
+    """Raise Interrupted for Ctrl-C, with the samples of a run as ``recorded`` after a wall time [s].
+
+    A context manager as a class: a generator takes longer than a step.
+    """
+
+    __slots__ = ("_begun", "_recorded", "_stepper")
+
+    def __init__(self, stepper: _core.Run, recorded: Callable[[float], Result]) -> None:
+        self._stepper, self._recorded, self._begun = stepper, recorded, perf_counter()
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: type[BaseException] | None, stop: BaseException | None, _: object) -> None:
+        # Interrupted is that of the run that replaces this one.
+        if isinstance(stop, KeyboardInterrupt) and not isinstance(stop, Interrupted):
+            taken = perf_counter() - self._begun
+            partial = self._recorded(taken) if self._stepper.recorded else None
+            raise Interrupted(str(stop), partial) from None
 
 
 def driven(

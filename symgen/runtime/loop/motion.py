@@ -18,7 +18,7 @@ from symgen.runtime.integrate.controlled import controlled
 from symgen.runtime.integrate.failures import of_sliding, unfinished, with_cause
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.pace import OUT_OF_TIME, Progress, out_of_time
-from symgen.runtime.integrate.simulate import check_end, driven, kept_on_interrupt, sample_times, stepper_of
+from symgen.runtime.integrate.simulate import KeptOnInterrupt, check_end, driven, sample_times, stepper_of
 from symgen.runtime.integrate.stepper import Stepper
 from symgen.runtime.kernels.typed import library_of_runs
 from symgen.runtime.loop.ball_poles import ball_pole, in_other_angles
@@ -91,7 +91,7 @@ def run(
     def recorded(wall: float) -> Result:
         return Result._later(LoopRecording(kernels, equations, stepper, chosen, wall, library))
 
-    with kept_on_interrupt(stepper, recorded):
+    with KeptOnInterrupt(stepper, recorded):
         ended = driven(stepper, t0, chosen, progress, keeping, mark, repeated)
     if isinstance(ended, Result):
         return ended

@@ -130,7 +130,9 @@ def _carry_out(model: Any, name: str, prepared: _Call) -> Any:
         raise_failure()
     if name in _MOVING:
         # The caller may change arrays and states.
-        arguments = {n: _kept(v) for n, v in arguments.items() if n not in _OUTSIDE}
+        arguments = {
+            n: v if type(v) in _PLAIN else _kept(v) for n, v in arguments.items() if n not in _OUTSIDE
+        }
         result._of_analysis(model, name, arguments)
     elif isinstance(result, Shown):
         result._of_analysis(model, name)

@@ -101,7 +101,7 @@ def test_events_are_remembered(tmp_path):
     model = symgen.build(scene)
     whole = model.simulate(5.0)
     with pytest.raises(symgen.errors.SimulationError):
-        model.simulate(5.0, max_steps=30, checkpoint=tmp_path / "c", checkpoint_every=0)
+        model.simulate(5.0, max_steps=10, checkpoint=tmp_path / "c", checkpoint_every=0)
     again = model.simulate(5.0, resume=tmp_path / "c")
     assert again.events == whole.events and len(whole.events) > 3
     assert bits(again) == bits(whole)
@@ -120,7 +120,7 @@ def test_other_events_are_another_run(changed, tmp_path):
         )
 
     with pytest.raises(symgen.errors.SimulationError):
-        built().simulate(5.0, max_steps=30, checkpoint=tmp_path / "c", checkpoint_every=0)
+        built().simulate(5.0, max_steps=10, checkpoint=tmp_path / "c", checkpoint_every=0)
     with pytest.raises(ResultError, match="of another run"):
         built(**changed).simulate(5.0, resume=tmp_path / "c")
 

@@ -213,7 +213,7 @@ def test_a_resumed_run_has_the_same_events(tmp_path):
     options = {"method": "taylor", "rtol": 1e-10, "samples": 7}
     whole = model.simulate(3.0, **options)
     assert {e.rising for e in whole.events} == {True, False, None}
-    for steps in (1, 5, 9):
+    for steps in (1, 3, 5):
         file = tmp_path / f"after_{steps}"
         with pytest.raises(SimulationError, match="max_steps"):
             model.simulate(3.0, checkpoint=file, checkpoint_every=0, max_steps=steps, **options)

@@ -195,7 +195,7 @@ def test_a_loop_with_an_input():
     stepper.step(0.1)
     run = pump.with_parameters(M=2.0).simulate(0.15, state=begin, rtol=1e-11, samples=2)
     for v in run.variables:
-        scale = np.abs(v.values).max() + 1e-6
+        scale = np.abs(v.values).max() + 1e-5  # moments that vanish have the rounding of those that do not
         assert stepper[v.name] == pytest.approx(v.values[-1], abs=1e-7 * scale), v.name
 
 
