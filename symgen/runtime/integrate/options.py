@@ -134,7 +134,8 @@ def _options(
     can_be_fixed = not chosen.adaptive or chosen.kind == "explicit"  # the others solve to the tolerance
     if step is not None and not can_be_fixed:
         raise OptionsError(
-            f"{chosen.name} chooses its own step: give {{rtol}} and {{atol}}, or another {{method}}"
+            f"{chosen.name} chooses its own step: give {{rtol}} and {{atol}}, also with a largest "
+            "{max_step}, or another {method}"
         )
     if max_step is not None and (step is not None or not chosen.adaptive):
         raise OptionsError(

@@ -164,8 +164,16 @@ def test_what_has_no_power_series_says_so():
         symgen.build("triple_pendulum", backend="numpy").simulate(0.1, method="taylor")
     with pytest.raises(ModelError, match="goes with explicit methods"):
         triple.simulate(0.1, method="taylor", stabilisation="baumgarte")
-    with pytest.raises(ModelError, match="chooses its own step"):
+    with pytest.raises(
+        ModelError, match=r"chooses its own step: give rtol and atol, also with a largest max_step"
+    ):
         triple.simulate(0.1, method="taylor", step=0.01)
+
+
+def test_steps_have_the_length_of_max_step_where_they_meet_the_tolerance():
+    model = symgen.build("four_bar")
+    steps = [model.simulate(1.0, method="taylor", max_step=h).statistics["steps"] for h in (0.01, 0.02, 0.1)]
+    assert steps[:2] == [100, 50] and steps[2] > 10
 
 
 def test_method_has_the_order_that_a_tolerance_needs():
