@@ -56,11 +56,6 @@ class AppliedTorque(Load):
             torque = (read.value(table.torque, units.TORQUE, f"{where}.torque", names),)
         return cls(name, table.link, torque, table.against or "", section)
 
-    @property
-    def uses_own_angle(self) -> bool:
-        """Whether the couple depends on ``this.angle`` or ``this.rate``."""
-        return any(str(s).startswith(f"{self.name}.") for c in self.torque for s in c.free_symbols)
-
     def terms(self, dimension: int) -> Iterator[LoadTerm]:
         yield LoadTerm(LinkRotation(self.link, self.against, self.section), force=self.torque)
 

@@ -9,11 +9,11 @@ from symgen.errors import SceneError, check_known
 from symgen.models.linearisation import (
     linearisation_system,
     sensitivity_system,
+    tangent_system,
     variation_system,
     vibration_system,
 )
 from symgen.models.rods.linearised import kinematics_system, statics_system
-from symgen.models.tangent import tangent_system
 from symgen.registry import load
 
 if TYPE_CHECKING:

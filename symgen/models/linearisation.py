@@ -14,6 +14,7 @@ numerics: :mod:`symgen.runtime.linearisation.state_space`.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import sympy as sp
@@ -105,6 +106,32 @@ def variation_system(linkage: Linkage) -> System:
     return analysis_of(model, "variation", (*matrices, *values), exports)
 
 
+def tangent_system(linkage: Linkage) -> System:
+    """Return the System of the Jacobian of the equations of motion, for implicit integrators.
+
+    Its one kernel, ``tangent``, has the matrices ``by_positions`` R_q and ``by_rates`` R_u, at the
+    accelerations and multipliers in ``work``: lists of nonzero entries, called as in
+    :func:`linearisation_system`; one that is all zero is omitted. The accelerations and multipliers change
+    with the state as [M J^T; J 0] d[a; lambda] = R_q dq + R_u du, with the matrix that the kernels ``factor``
+    and ``solve`` have.
+    """
+    model = equations_of(linkage)
+    (_, unknowns, rows, _), *_ = _equations(model)[0]
+    positions = [x.symbol for x in model.coordinates]
+    rates = [x.symbol for p in model.free for x in model.u[p]]
+    matrices = [
+        replace(m, unit=unit)
+        for name, by, arguments, unit in (
+            ("by_positions", "q", positions, "N/m, m/s^2"),
+            ("by_rates", "u", rates, "N*s/m, m/s"),
+        )
+        for m in _slopes(model, [(name, unknowns, rows, f"slope of the residual by {by}")], arguments)
+    ]
+    about = "slope of f - M a - J^T lambda and of gamma - J a by the state, at the a and lambda in work"
+    export = Export("tangent", about, tuple(m.name for m in matrices))
+    return analysis_of(model, "tangent", matrices, [export])
+
+
 def vibration_system(linkage: Linkage) -> System:
     """Return the System of the matrices of small vibrations and their slopes.
 
@@ -118,19 +145,13 @@ def vibration_system(linkage: Linkage) -> System:
     if model.constraints:
         pencil.append(constraint_slopes(model))
     arguments = [x.symbol for x in (*model.coordinates, *bound, *_tunable(linkage))]
-    by = slopes_by(model, arguments, definitions(model))
-    matrices = {
-        f"{matrix.name} {label} {argument.name}": slope
-        for matrix in pencil
-        for label, entry in zip(matrix.rows, matrix.matrix, strict=True)
-        for argument, slope in by(entry).items()
-    }
+    labels = [f"{m.name} {label}" for m in pencil for label in m.rows]
+    about = "slopes of the matrices of small vibrations"
+    rows: Rows = "slopes", labels, [entry for m in pencil for entry in m.matrix], about
+    slopes = list(_slopes(model, [rows], arguments))
     exports = [Export("pencil", "matrices of small vibrations", tuple(m.name for m in pencil))]
-    if matrices:
-        about = "slopes of the matrices of small vibrations"
-        pencil.append(named(model, "slopes", list(matrices.values()), "SI", about, rows=list(matrices)))
-        exports.append(Export("slopes", about, ("slopes",)))
-    return analysis_of(model, "vibration", pencil, exports)
+    exports += [Export(m.name, about, (m.name,)) for m in slopes]
+    return analysis_of(model, "vibration", [*pencil, *slopes], exports)
 
 
 def _tunable(linkage: Linkage) -> list[Quantity]:
@@ -177,9 +198,11 @@ def _slopes(model: RodsModel, rows: Sequence[Rows], arguments: Sequence[sp.Symbo
     slopes = slopes_by(model, arguments, definitions(model))
     for name, labels, expressions, about in rows:
         columns = {
-            f"{label} {argument.name}": slope
+            f"{label} {argument.name}": row[argument]
             for label, expression in zip(labels, expressions, strict=True)
-            for argument, slope in slopes(expression.xreplace(model.held)).items()
+            for row in [slopes(expression.xreplace(model.held))]
+            for argument in arguments
+            if argument in row
         }
         if columns:
             yield named(model, name, list(columns.values()), "SI", about, rows=list(columns))

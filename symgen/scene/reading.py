@@ -187,24 +187,22 @@ class Values:
         self, text: str | int | float, dim: Dimension, where: str, names: Names | None = None
     ) -> sp.Expr:
         """Return a value that must be above zero."""
-        expression = self.value(text, dim, where, names)
-        value = self.number(expression)
-        if not value > 0:
-            raise SceneError(
-                f"expected {units.describe(dim)} above zero, got {_got(text, value, dim)}", where=where
-            )
-        self.limit(expression, dim, where, strict=True)
-        return expression
+        return self._bounded(text, dim, where, names, strict=True)
 
     def not_negative(self, text: str | int | float, dim: Dimension, where: str) -> sp.Expr:
         """Return a value that must not be below zero."""
-        expression = self.value(text, dim, where)
+        return self._bounded(text, dim, where, None, strict=False)
+
+    def _bounded(
+        self, text: str | int | float, dim: Dimension, where: str, names: Names | None, *, strict: bool
+    ) -> sp.Expr:
+        expression = self.value(text, dim, where, names)
         value = self.number(expression)
-        if value < 0:
-            raise SceneError(
-                f"expected {units.describe(dim)} of at least zero, got {_got(text, value, dim)}", where=where
-            )
-        self.limit(expression, dim, where, strict=False)
+        if value < 0 or (strict and value == 0):
+            least = "above zero" if strict else "of at least zero"
+            got = _got(text, value, dim)
+            raise SceneError(f"expected {units.describe(dim)} {least}, got {got}", where=where)
+        self.limit(expression, dim, where, strict=strict)
         return expression
 
     def limit(self, value: sp.Expr, dim: Dimension, where: str, *, strict: bool) -> None:

@@ -96,7 +96,7 @@ def _linkage(scene: Scene) -> Linkage:
     gravity = (sp.Integer(0),) * read.dimension
     if scene.gravity:
         gravity = read.vector(scene.gravity.acceleration, units.ACCELERATION, "gravity.acceleration")
-    masses = tuple(loads.masses(read, links))
+    masses, driven = tuple(loads.masses(read, links)), tuple(constraints.drivers(read))
     linkage = Linkage(
         name=scene.name,
         file=scene.file,
@@ -111,9 +111,9 @@ def _linkage(scene: Scene) -> Linkage:
         masses=masses,
         loads=tuple(loads.loads(read)),
         guides=tuple(constraints.guides(read)),
-        hinges=tuple(constraints.hinges(read)),
+        hinges=tuple(constraints.hinges(read, driven)),
         gears=tuple(constraints.gears(read)),
-        drivers=(*constraints.drivers(read), *((driver_of(turned),) if turned else ())),
+        drivers=(*driven, *((driver_of(turned),) if turned else ())),
         start=constraints.start(read),
         t_end=_end(read, turned),
         assembly_tolerance=_assembly_tolerance(read),

@@ -11,7 +11,7 @@ from symgen.calls import checked
 from symgen.errors import NoLinkageError, SceneError, nearest
 from symgen.scene.units import LENGTH, NUMBER, Shown
 from symgen.synthesis.synthesise import LIMITS, Design, Synthesis, synthesise
-from symgen.synthesis.tasks import LIMIT_TASKS, read_task, value
+from symgen.synthesis.tasks import LimitTask, read_task, value
 
 
 @checked
@@ -77,7 +77,7 @@ def design_chart(
         For anything wrong in the task, a quantity that the linkage does not have, or no linkage at any value.
     """
     head, fields = read_task(task)
-    if not isinstance(fields, LIMIT_TASKS):
+    if not isinstance(fields, LimitTask):
         raise SceneError(f"expected a task of limit positions, got {fields.kind!r}", where="kind")
     units = {n: unit for n, unit, _ in LIMITS[fields.linkage].quantities}
     if name not in units:

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from symgen.calls import checked
 from symgen.synthesis.linkage import (
+    BY_SHORTEST,
     PlanarLinkage,
     angle,
     fixed_place,
+    grashof_class,
     of_places,
     place_on_coupler,
     tunable,
@@ -23,11 +25,6 @@ if TYPE_CHECKING:
     from symgen.runtime.result.result import Result
 
 Array = NDArray[np.float64]
-
-#: Difference of the sums of lengths that counts as none, relative to them: a change-point linkage.
-_CHANGE_POINT = 1e-9
-#: Class of a Grashof linkage by its shortest link.
-_CLASSES = ("crank-rocker", "double-rocker", "rocker-crank", "double-crank")
 
 _LINKS = {"crank": ["O", "A"], "coupler": ["A", "B"], "rocker": ["C", "B"]}
 _MOTION: dict[str, Any] = {
@@ -61,7 +58,7 @@ class FourBar(PlanarLinkage):
     """
 
     JOINTS: ClassVar[str] = "OABC"
-    CLASSES: ClassVar[tuple[str, ...]] = (*_CLASSES, "triple-rocker", "change-point")
+    CLASSES: ClassVar[tuple[str, ...]] = (*BY_SHORTEST, "triple-rocker", "change-point")
 
     O: Array
     A: Array
@@ -81,10 +78,7 @@ class FourBar(PlanarLinkage):
     def grashof(self) -> str:
         """Grashof class by the shortest link, triple-rocker if no link turns, or change-point."""
         lengths = np.array([*self.lengths.values()])
-        s, p, q, longest = np.sort(lengths)
-        if abs(s + longest - p - q) <= _CHANGE_POINT * lengths.sum():
-            return "change-point"
-        return _CLASSES[int(np.argmin(lengths))] if s + longest < p + q else "triple-rocker"
+        return grashof_class(lengths, lengths.sum())
 
     @property
     def turns(self) -> bool:

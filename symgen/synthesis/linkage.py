@@ -28,6 +28,10 @@ Array = NDArray[np.float64]
 
 #: Angle beyond its limit [rad] at which a crank does not count as stopped: rounding.
 _STOP = 1e-9
+#: Difference of the sums of lengths that counts as none, relative to them, or of arcs [rad]: a change-point.
+_CHANGE_POINT = 1e-9
+#: Class of a Grashof linkage by its shortest link.
+BY_SHORTEST = ("crank-rocker", "double-rocker", "rocker-crank", "double-crank")
 #: Coordinate that is rounding, over the size of the linkage.
 _ROUNDING = 1e-14
 
@@ -225,6 +229,17 @@ def angle(far: float, one: float, other: float, on_sphere: bool = False) -> floa
     """Return the angle [rad] between two sides of a triangle; nan if the sides do not close."""
     cosine = _cosine(on_sphere)(far, one, other)
     return math.acos(cosine) if abs(cosine) <= 1 else math.nan
+
+
+def grashof_class(lengths: Array, size: float = 1.0) -> str:
+    """Return the class of four lengths or arcs by the shortest, triple-rocker, or change-point.
+
+    ``size`` is what differences of their sums are compared with.
+    """
+    s, p, q, longest = np.sort(lengths)
+    if abs(s + longest - p - q) <= _CHANGE_POINT * size:
+        return "change-point"
+    return BY_SHORTEST[int(np.argmin(lengths))] if s + longest < p + q else "triple-rocker"
 
 
 def turn(x: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symgen.calls import checked
-from symgen.synthesis.linkage import DesignedLinkage, angle, longer_than_zero, tunable, turn
+from symgen.synthesis.linkage import DesignedLinkage, angle, grashof_class, longer_than_zero, tunable, turn
 from symgen.synthesis.search import ONE_LINK
 
 if TYPE_CHECKING:
@@ -20,12 +20,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: Difference of the sums of arcs that counts as none [rad]: a change-point linkage.
-_CHANGE_POINT = 1e-9
 #: The angle [rad] between two arcs of a spherical triangle; nan if they do not close.
 corner = partial(angle, on_sphere=True)
 _LINKS = ("crank", "coupler", "rocker", "fixed_link")
-_CLASSES = ("crank-rocker", "double-rocker", "rocker-crank", "double-crank")
 
 
 @checked
@@ -91,11 +88,7 @@ class SphericalFourBar(DesignedLinkage):
 
         It is that of :attr:`least_arcs`.
         """
-        least = self.least_arcs
-        s, p, q, longest = np.sort(least)
-        if abs(s + longest - p - q) <= _CHANGE_POINT:
-            return "change-point"
-        return _CLASSES[int(np.argmin(least))] if s + longest < p + q else "triple-rocker"
+        return grashof_class(self.least_arcs)
 
     @property
     def turns(self) -> bool:

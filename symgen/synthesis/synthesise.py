@@ -27,7 +27,7 @@ from symgen.synthesis.linkage import DesignedLinkage, turn
 from symgen.synthesis.search import RootSearch, Solutions
 from symgen.synthesis.slider_crank import SliderCrank
 from symgen.synthesis.spherical import SphericalFourBar
-from symgen.synthesis.tasks import LIMIT_TASKS, Task, read_task
+from symgen.synthesis.tasks import LimitTask, Task, read_task
 
 Array = NDArray[np.float64]
 #: Measured quantities, and faults of the motion.
@@ -127,7 +127,7 @@ def synthesise(task: str | os.PathLike[str] | Mapping[str, Any]) -> Synthesis:
     head, fields = read_task(task)
     kind = LIMITS[fields.linkage]
     constraints = read_constraints(fields, kind.quantities, CLASSES[fields.linkage])
-    if isinstance(fields, LIMIT_TASKS):
+    if isinstance(fields, LimitTask):
         prescribed, ranges = fields.prescribed()
         if ranges:
             allowed = partial(_allowed, kind, constraints)

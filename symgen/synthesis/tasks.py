@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError, create_model
 
 from symgen.errors import SceneError, nearest
 from symgen.mechanics.synthesis.limits import QUANTITIES, SLIDER_QUANTITIES, SPHERICAL_QUANTITIES
@@ -50,80 +50,34 @@ class _Search(Table):
     classes: Annotated[list[str], Field(min_length=1)] | None = absent("Classes of the linkages allowed.")
 
 
-class _CrankRockerTask(_Search):
-    kind: Literal["limits"]
-    crank: Limit | None = None
-    coupler: Limit | None = None
-    rocker: Limit | None = None
-    fixed_link: Limit | None = None
-    swing: Limit | None = None
-    crank_extended: Limit | None = None
-    rocker_extended: Limit | None = None
-    transmission_extended: Limit | None = None
-    crank_folded: Limit | None = None
-    rocker_folded: Limit | None = None
-    transmission_folded: Limit | None = None
-    transmission_least: Limit | None = None
-    transmission_greatest: Limit | None = None
-    time_ratio: Limit | None = None
-    starts: Starts = 60
+class LimitTask(_Search):
+    """Limit positions and transmission angles: as many quantities as determine the linkage."""
 
-
-class LimitTask(_CrankRockerTask):
-    """Limit positions and transmission angles of a crank-rocker: four of these quantities."""
-
-    linkage: Literal["four-bar"] = "four-bar"
-
-    def prescribed(self) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
-        """Return the prescribed quantities [m, rad], and ranges of others."""
-        return _prescribed(self, QUANTITIES)
-
-
-class SphericalLimitTask(_CrankRockerTask):
-    """Limit positions and transmission angles of a spherical crank-rocker: four of these quantities."""
-
-    linkage: Literal["spherical"]
-
-    def prescribed(self) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
-        """Return the prescribed quantities [rad], and ranges of others."""
-        return _prescribed(self, SPHERICAL_QUANTITIES)
-
-
-class SliderLimitTask(_Search):
-    """Limit positions and transmission angles of a slider-crank: three of these quantities."""
+    QUANTITIES: ClassVar[tuple[tuple[str, str, str], ...]] = ()
 
     kind: Literal["limits"]
-    linkage: Literal["slider-crank"]
-    crank: Limit | None = None
-    coupler: Limit | None = None
-    offset: Limit | None = None
-    stroke: Limit | None = None
-    slider_extended: Limit | None = None
-    slider_folded: Limit | None = None
-    crank_extended: Limit | None = None
-    crank_folded: Limit | None = None
-    transmission_least: Limit | None = None
-    transmission_greatest: Limit | None = None
-    time_ratio: Limit | None = None
+    linkage: str
     starts: Starts = 60
 
     def prescribed(self) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
         """Return the prescribed quantities [m, rad], and ranges of others."""
-        return _prescribed(self, SLIDER_QUANTITIES)
+        fixed, ranges = {}, {}
+        for name, unit, _ in self.QUANTITIES:
+            written, dim = getattr(self, name), LENGTH if unit == "m" else NUMBER
+            if isinstance(written, list):
+                low, high = values(written, dim, name)
+                ranges[name] = float(low), float(high)
+            elif written is not None:
+                fixed[name] = value(written, dim, name)
+        return fixed, ranges
 
 
-def _prescribed(
-    task: Table, quantities: tuple[tuple[str, str, str], ...]
-) -> tuple[dict[str, float], dict[str, tuple[float, float]]]:
-    fixed, ranges = {}, {}
-    for name, unit, _ in quantities:
-        written, dim = getattr(task, name), LENGTH if unit == "m" else NUMBER
-        if isinstance(written, list):
-            low, high = values(written, dim, name)
-            ranges[name] = float(low), float(high)
-        elif written is not None:
-            fixed[name] = value(written, dim, name)
-    return fixed, ranges
+def _limits(quantities: tuple[tuple[str, str, str], ...], linkage: Any) -> type[LimitTask]:
+    """Return the task of a linkage: each of its quantities is a key; ``linkage`` is type and default."""
+    keys: dict[str, Any] = {name: (Limit | None, None) for name, *_ in quantities}
+    task = create_model("LimitTask", __base__=LimitTask, linkage=linkage, **keys)
+    task.QUANTITIES = quantities
+    return task
 
 
 class FunctionTask(_Search):
@@ -269,13 +223,15 @@ class SliderPathTask(_SliderCrank):
 
 
 Task = (
-    LimitTask | SliderLimitTask | SphericalLimitTask | FunctionTask | SliderFunctionTask
-    | SphericalFunctionTask | MotionTask | SliderMotionTask | SphericalMotionTask | PathTask | SliderPathTask
+    LimitTask | FunctionTask | SliderFunctionTask | SphericalFunctionTask
+    | MotionTask | SliderMotionTask | SphericalMotionTask | PathTask | SliderPathTask
 )  # fmt: skip
-#: The kinds of tasks of limit positions.
-LIMIT_TASKS = LimitTask, SliderLimitTask, SphericalLimitTask
 _KINDS: dict[str, dict[str, type[Task]]] = {
-    "limits": {"four-bar": LimitTask, "slider-crank": SliderLimitTask, "spherical": SphericalLimitTask},
+    "limits": {
+        "four-bar": _limits(QUANTITIES, (Literal["four-bar"], "four-bar")),
+        "slider-crank": _limits(SLIDER_QUANTITIES, (Literal["slider-crank"], ...)),
+        "spherical": _limits(SPHERICAL_QUANTITIES, (Literal["spherical"], ...)),
+    },
     "function": {
         "four-bar": FunctionTask,
         "slider-crank": SliderFunctionTask,

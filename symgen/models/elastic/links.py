@@ -134,9 +134,8 @@ def motion_system(linkage: Linkage) -> System:
     matrices.append(_table(model, "energies", energies, "1, SI", ENERGIES, of_links))
     of_energies = ["energies"]
     if crank and crank.mode == "motor" and crank.link in moving:
-        matrices.append(_shaft(model, crank, moving[crank.link]))
+        matrices += _shaft(model, crank, moving[crank.link])
         exports.append(Export("shaft", "flywheel and motor on the shaft of an elastic crank", ("shaft",)))
-        matrices.append(_shaft_energy(model, crank, moving[crank.link]))
         of_energies.append("shaft_energy")
     exports.append(Export("energies", "factors of the energies of elastic links", tuple(of_energies)))
     if crank and crank.link not in moving:
@@ -292,20 +291,15 @@ def _stations(linkage: Linkage) -> list[list[sp.Expr]]:
     return rows
 
 
-def _shaft(model: RodsModel, crank: Crank, motion: Mapping[sp.Symbol, sp.Expr]) -> NamedMatrix:
-    angle, rate = (state_symbol(f"{crank.link}.{word}") for word in ("angle", "angular_velocity"))
-    hidden, shown = apart(model.linkage, (*motion, *ROTATION))
-    terms = shaft(hidden(crank.flywheel), hidden(crank.torque), angle, rate)
-    row = [shown(e.xreplace(motion)) for e in terms]
-    return _table(model, "shaft", [model.loads.with_state(row)], "kg*m^2, N*m*s/rad, N*m/rad, N*m", TERMS)
-
-
-def _shaft_energy(model: RodsModel, crank: Crank, motion: Mapping[sp.Symbol, sp.Expr]) -> NamedMatrix:
+def _shaft(model: RodsModel, crank: Crank, motion: Mapping[sp.Symbol, sp.Expr]) -> Iterator[NamedMatrix]:
+    """Yield the terms of flywheel and motor on an elastic crank, and the factors of their energy."""
     angle, rate_of = (state_symbol(f"{crank.link}.{word}") for word in ("angle", "angular_velocity"))
     hidden, shown = apart(model.linkage, (*motion, *ROTATION))
-    energy = powers(hidden(crank.flywheel), hidden(crank.torque), angle, rate_of)
-    row = [shown(e.xreplace(motion)) for part in energy.values() for e in part]
-    return _table(model, "shaft_energy", [[e] for e in model.loads.with_state(row)], "J, W", ("factor",))
+    acting = hidden(crank.flywheel), hidden(crank.torque), angle, rate_of
+    terms, energy = shaft(*acting), [e for part in powers(*acting).values() for e in part]
+    row, factors = (model.loads.with_state([shown(e.xreplace(motion)) for e in of]) for of in (terms, energy))
+    yield _table(model, "shaft", [row], "kg*m^2, N*m*s/rad, N*m/rad, N*m", TERMS)
+    yield _table(model, "shaft_energy", [[e] for e in factors], "J, W", ("factor",))
 
 
 def _rigid_crank(model: RodsModel, crank: Crank) -> Iterator[NamedMatrix]:

@@ -129,9 +129,18 @@ def linearised(
     """
     q = [x.symbol for x in model.coordinates]
     rates = [x.symbol for p in model.free for x in model.u[p]]
-    by_rates = slopes_by(model, rates)
+    by_rates, by_coordinates = slopes_by(model, rates), model.calculus.gradient
     coordinate_of = dict(zip(rates, q, strict=True))
-    stiffness = {s: stiffness_row(model, s, bound) for s in q}
+    of_bound = [
+        (model.multipliers[c.name].symbol, gradient)
+        for c, gradient in zip(model.constraints, model.jacobian, strict=True)
+        if c in bound
+    ]
+    pulls = {s: [(factor, by[s]) for factor, by in of_bound if s in by] for s in q}
+    stiffness = {
+        s: chained((f, by_coordinates(e)) for f, e in [(-ONE, model.force.get(s, ZERO)), *pulls[s]])
+        for s in q
+    }
     damping = {
         s: {coordinate_of[u]: -slope for u, slope in by_rates(f).items()}
         for s, f in zip(q, model.applied, strict=True)
@@ -178,17 +187,6 @@ def analysis_of(
         references=(REFERENCE,),
         sources=sources,
     )
-
-
-def stiffness_row(model: RodsModel, row: sp.Symbol, bound: Sequence[Constraint]) -> Gradient:
-    """Return one row of K by coordinate: the slope of J^T lambda - f, of the constraints ``bound``."""
-    terms = [(-ONE, model.force.get(row, ZERO))]
-    terms += [
-        (model.multipliers[c.name].symbol, gradient[row])
-        for c, gradient in zip(model.constraints, model.jacobian, strict=True)
-        if c in bound and row in gradient
-    ]
-    return chained((factor, model.calculus.gradient(term)) for factor, term in terms)
 
 
 def slopes_by(

@@ -137,14 +137,7 @@ def _assembly(model: RodsModel) -> list[NamedMatrix]:
     gradients = [model.calculus.gradient(r) for r in residuals]
     about = "derivative of the assembly residual"
     return [
-        named(
-            model,
-            "assembly_residual",
-            residuals,
-            "m",
-            "error at the start",
-            rows=rows,
-        ),
+        named(model, "assembly_residual", residuals, "m", "error at the start", rows=rows),
         sparse(model, "assembly_jacobian", gradients, "1", about, rows=rows),
     ]
 

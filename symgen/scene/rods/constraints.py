@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from math import gcd
 
 from symgen.errors import SceneError
@@ -70,7 +70,7 @@ def _check_against(read: Reader, name: str, other: str, where: str) -> None:
         _shared_axis(read, name, other, where)
 
 
-def _shared_axis(read: Reader, name: str, other: str, where: str) -> tuple[str, str]:
+def _shared_axis(read: Reader, name: str, other: str, where: str) -> list[str]:
     """Return the two points that two bodies in space share, about whose line one is driven."""
     shared = [p for p in read.scene.links[name].points if p in read.scene.links[other].points]
     if not (read.is_spatial_body(name) and read.is_spatial_body(other)) or len(shared) != 2:
@@ -80,7 +80,7 @@ def _shared_axis(read: Reader, name: str, other: str, where: str) -> tuple[str, 
             where=where,
             hint="Between other links in space, prescribe the length of a massless link by t.",
         )
-    return shared[0], shared[1]
+    return shared
 
 
 def _check_no_circle(driven: Mapping[str, str], name: str, where: str) -> None:
@@ -128,7 +128,7 @@ def is_hinge(scene: Scene, joint: JointTable | Weld) -> bool:
     return isinstance(joint, JointTable) and joint.kind == "revolute" and len(rigid) == len(joint.links) == 1
 
 
-def hinges(read: Reader) -> Iterator[Hinge]:
+def hinges(read: Reader, driven: Sequence[Driver]) -> Iterator[Hinge]:
     """Yield the revolute joints between links in space and the ground: one at most for each link.
 
     A driven body on two ground points has one about the line from the first to the second; one that is driven
@@ -168,19 +168,14 @@ def hinges(read: Reader) -> Iterator[Hinge]:
                 f"expected an axis across {name}, got one along it, or zero", where=f"{where}.axis"
             )
         yield Hinge(name, joint.point, axis)
-    for i, driver in enumerate(read.scene.drivers if read.dimension == 3 else ()):
-        read.known_link(driver.link, f"drivers.{i}.link")
-        if driver.against is not None:
-            where = f"drivers.{i}.against"
-            _check_against(read, driver.link, driver.against, where)
-            start, end = (read.points[p] for p in _shared_axis(read, driver.link, driver.against, where))
+    for driver in driven if read.dimension == 3 else ():
+        ends = [p.name for p in read.ground_points(driver.link)] if read.is_spatial_body(driver.link) else []
+        if driver.against:
+            ends = _shared_axis(read, driver.link, driver.against, "drivers")
+        if driver.against or (driver.link not in seen and len(ends) > 1):
+            start, end = (read.points[p] for p in ends[:2])
             axis = tuple(b - a for a, b in zip(start.at, end.at, strict=True))
             yield Hinge(driver.link, start.name, axis, driver.against)
-            continue
-        grounded = read.ground_points(driver.link) if read.is_spatial_body(driver.link) else []
-        if driver.link not in seen and len(grounded) > 1:
-            start, end = grounded[:2]
-            yield Hinge(driver.link, start.name, tuple(b - a for a, b in zip(start.at, end.at, strict=True)))
 
 
 def _check_driven(read: Reader, name: str, where: str) -> None:
