@@ -147,8 +147,12 @@ class Measure:
         return self.put(geometry, (energy,))[0]
 
     def works(self, geometry: Geometry, force: Vector) -> Iterator[Work]:
-        """Yield the virtual work of a force conjugate to it, by ``VALUES`` and ``RATES``."""
-        raise NotImplementedError
+        """Yield the virtual work of a force conjugate to it, by ``VALUES`` and ``RATES``: of its actions."""
+        for action in self.actions(geometry, LoadTerm(self, force=force)):
+            if isinstance(action, Couple):
+                yield from works_of_couple(geometry, action)
+            else:
+                yield from components(geometry, action.force, geometry.position(action.point))
 
     def actions(self, geometry: Geometry, term: LoadTerm) -> Iterator[Action]:
         """Yield the forces on points and the couples on links that are equivalent to a term."""

@@ -18,9 +18,7 @@ from symgen.loads.measure import (
     ProfilePart,
     Vector,
     Work,
-    components,
     on_fixed_axes,
-    works_of_couple,
 )
 from symgen.symbolic.calculus import ONE, ZERO
 from symgen.symbolic.quantity import AXES
@@ -91,10 +89,6 @@ class LinkRotation(_OnLinks):
     section: str = ""
     effort = "torque"
 
-    def works(self, geometry: Geometry, force: Vector) -> Iterator[Work]:
-        for couple in _couples(self.link, self.against, self.put(geometry, force)):
-            yield from works_of_couple(geometry, couple)
-
     def actions(self, geometry: Geometry, term: LoadTerm) -> Iterator[Action]:
         yield from _couples(self.link, self.against, self.put(geometry, term.force))
 
@@ -153,19 +147,11 @@ class _OfFrames(_OnLinks):
     def rate(self, geometry: Geometry) -> Vector:
         return tuple(geometry.calculus.rate(c) for c in self.value(geometry))
 
-    def works(self, geometry: Geometry, force: Vector) -> Iterator[Work]:
-        for couple in self._both(geometry, force):
-            yield from works_of_couple(geometry, couple)
-
     def actions(self, geometry: Geometry, term: LoadTerm) -> Iterator[Action]:
-        yield from self._both(geometry, term.total)
-
-    def _both(self, geometry: Geometry, force: Vector) -> Iterator[Couple]:
-        """Yield the couples on both links."""
         a, b = geometry.frame(self.against), geometry.frame(self.link)
         arms = [
             tuple(push * f * c for c in cross(b[k], a[j]))
-            for i, push in enumerate(self.put(geometry, force))
+            for i, push in enumerate(self.put(geometry, term.total))
             for f, j, k in self.pairs(i)
         ]
         yield from _couples(self.link, self.against, tuple(map(sp.Add, *arms)))
@@ -217,17 +203,10 @@ class Span(Measure):
     def links(self) -> tuple[tuple[str, str], ...]:
         return (("link", self.link),)
 
-    def works(self, geometry: Geometry, force: Vector) -> Iterator[Work]:
-        for share in self._shares(geometry, force):
-            yield from components(geometry, share.force, geometry.position(share.point))
-
     def actions(self, geometry: Geometry, term: LoadTerm) -> Iterator[Action]:
-        yield from self._shares(geometry, term.force)
-
-    def _shares(self, geometry: Geometry, force: Vector) -> Iterator[PointForce]:
         start, end = geometry.link_ends(self.link)
         length = geometry.link_length(self.link)
-        first, second = (self.fixed(geometry, f) for f in (force[:2], force[2:]))
+        first, second = (self.fixed(geometry, f) for f in (term.force[:2], term.force[2:]))
         for point, near, far in ((start, first, second), (end, second, first)):
             share = tuple(length * (2 * a + b) / 6 for a, b in zip(near, far, strict=True))
             yield PointForce(point, share, self.link)

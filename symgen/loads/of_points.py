@@ -59,10 +59,6 @@ class Position(Measure):
     def rate(self, geometry: Geometry) -> Vector:
         return geometry.velocity(self.point)
 
-    def works(self, geometry: Geometry, force: Vector) -> Iterator[Work]:
-        force = self.fixed(geometry, self.put(geometry, force))
-        yield from components(geometry, force, self.value(geometry))
-
     def actions(self, geometry: Geometry, term: LoadTerm) -> Iterator[Action]:
         total = self.fixed(geometry, self.put(geometry, term.total))
         yield PointForce(self.point, (*total, *[ZERO] * (len(self.value(geometry)) - len(total))))
