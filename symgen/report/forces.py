@@ -33,7 +33,4 @@ def print_forces(forces: Forces, _: Any, console: Console) -> None:
         console.print(Components(sizes, len(along)).extremes(title, along, unit, means=by_name))
         print_work(forces, averages, console)
     print_notes(forces.notes, console)
-    console.print(
-        f"{forces.headline} at {forces.statistics['worst_at']}; balance met within "
-        f"{forces.statistics['residual']:.1e} of the largest force"
-    )
+    console.print(f"{forces.headline} at {forces.statistics['worst_at']}; {forces.check}")

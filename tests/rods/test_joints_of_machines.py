@@ -53,6 +53,13 @@ def test_three_points_on_two_parallel_lines_are_a_prismatic_joint():
     assert run["screw.tension"].values == pytest.approx(20 * (radius * 4 - acceleration), rel=1e-9)
     assert run["turret.torque"].values == pytest.approx(2 * 20 * radius * rate * 2, rel=1e-9)
     assert any("1 of 19 constraints redundant" in note for note in run.notes)
+    model = symgen.build(MACHINES / "telescope.toml")
+    forces = model.inverse_dynamics(at=2 * TIMES)  # angles of the turret
+    assert forces.time == pytest.approx(TIMES, abs=1e-12)
+    assert forces["screw.tension"].values == pytest.approx(20 * (radius * 4 - acceleration), rel=1e-9)
+    assert forces["turret.torque"].values == pytest.approx(2 * 20 * radius * rate * 2, rel=1e-9)
+    assert forces.statistics["residual"] < 1e-12 and forces.condition < 1e3
+    assert any("redundant constraints (" in note for note in forces.notes)
 
 
 @pytest.mark.parametrize("carried", [True, False])

@@ -19,6 +19,10 @@ def at_times(name, times):
     return symgen.build(CASES / "machines" / f"{name}.toml").simulate(t_eval=times, rtol=1e-12)
 
 
+def prescribed(name, times):
+    return symgen.build(CASES / "machines" / f"{name}.toml").inverse_dynamics(at=times, over="time")
+
+
 def vector(text, unit="0.001"):
     return np.array([mp.mpf(x) * mp.mpf(unit) for x in text.split()])
 
@@ -68,13 +72,14 @@ def test_delta_robot():
 
     masses = [*halves(*3 * ["0.4"], *3 * ["0.12"]), mp.mpf("0.8")]
     times = [0.0, 0.17, 0.52, 0.9]
-    found = at_times("delta_robot", times)
+    found, forces = at_times("delta_robot", times), prescribed("delta_robot", times)
     for n, t in enumerate(times):
         tool = joints_of_delta(delta_inputs(mp.mpf(t)))[1]
         assert found["P.position"].values[n] == pytest.approx(tool.astype(float), abs=1e-11)
         torques = efforts(places, delta_inputs, masses, t, lambda *_: weights(masses))
         for k, torque in enumerate(torques):
-            assert found[f"arm{k}.torque"].values[n] == pytest.approx(torque, rel=1e-8), (k, t)
+            for of in (found, forces):
+                assert of[f"arm{k}.torque"].values[n] == pytest.approx(torque, rel=1e-8), (k, t)
 
 
 def test_delta_robot_with_its_parallelograms():
@@ -121,7 +126,7 @@ def test_stewart_platform():
 
     masses = [*6 * [mp.mpf(500) / 6], 200]
     times = [0.0, 0.3, 0.85, 1.3]
-    found = at_times("stewart_platform", times)
+    found, forces = at_times("stewart_platform", times), prescribed("stewart_platform", times)
     for n, t in enumerate(times):
         q = pose(mp.mpf(t))
         assert found["L.position"].values[n] == pytest.approx(places(q)[-1].astype(float), abs=1e-11)
@@ -129,7 +134,8 @@ def test_stewart_platform():
         rows = [changed(q, k).astype(float) for k in range(6)]
         thrusts = dict(zip(legs, np.linalg.solve(rows, needed), strict=True))
         for name in ("left0", "right0"):
-            assert -found[f"{name}.tension"].values[n] == pytest.approx(thrusts[name], rel=1e-8), (name, t)
+            for of in (found, forces):
+                assert -of[f"{name}.tension"].values[n] == pytest.approx(thrusts[name], rel=1e-8), (name, t)
 
 
 def test_double_wishbone():

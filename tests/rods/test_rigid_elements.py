@@ -459,7 +459,7 @@ def test_command_line(tmp_path, four_bar):
     )
     assert done.exit_code == 0 and plot.stat().st_size > 1000
     assert "crank@0.5.moment" in done.stdout and "; condition " in done.stdout
-    with pytest.raises(CapabilityError, match="in the plane"):
+    with pytest.raises(CapabilityError, match="needs 6 more drives"):
         runner.invoke(app, ["inverse-dynamics", "tumbling_body"], catch_exceptions=False)
 
 

@@ -138,8 +138,12 @@ def test_joint_forces_in_space():
         joints=[{"point": "O", "links": ["crank"], "kind": "revolute", "axis": [0, 0, 1]}],
         drivers=[{"link": "crank", "angle": "w*t"}],
     )
-    with pytest.raises(CapabilityError, match="in the plane\n  Run it .*LINK.POINT.force"):
+    with pytest.raises(CapabilityError, match="needs 2 more drives"):
         build(scene).inverse_dynamics(samples=3)
+    tables = scene.model_dump(exclude_unset=True)
+    del tables["points"]["B"], tables["links"]["rod"]
+    with pytest.raises(CapabilityError, match="selects none\n  Write LINK.POINT.force"):
+        build(symgen.Scene(**tables)).inverse_dynamics(samples=3)
 
 
 def beam(**tables):

@@ -22,7 +22,8 @@ from symgen.models.rods.points import Part, Place, bar_name
 from symgen.scene.rods.linkage import RigidLink, SpatialBody, WeightedPoint
 from symgen.symbolic.calculus import ZERO
 from symgen.symbolic.constants import rounded
-from symgen.symbolic.vectors import dot
+from symgen.symbolic.quantity import Entries
+from symgen.symbolic.vectors import cross_in_plane, dot
 
 #: Forces on some points of a link, to be added up.
 Forces = Iterator[tuple[str, Vector]]
@@ -324,10 +325,28 @@ def _on_point(model: ConstrainedPoints, point: str) -> Vector:
                 _times(mass.mass, model.linkage.gravity),
                 _times(-mass.mass, model.acceleration(point)),
             ]
-    for row in model.guides:
-        if row.point == point:
-            forces.append(_times(-model.multipliers[row.constraint.name].symbol, row.by_point))
+    forces += [_of_guide(model, link, point) for link, points in guided(model).items() if point in points]
     return _sum(forces)
+
+
+def guided(model: ConstrainedPoints) -> dict[str, list[str]]:
+    """Return the points that guides along each link guide."""
+    pairs = dict.fromkeys((row.link, row.point) for row in model.guides)
+    return {link: [p for k, p in pairs if k == link] for link, _ in pairs}
+
+
+def guide_force(model: ConstrainedPoints, link: str, point: str) -> Entries:
+    """Return the force of the guide along a link on a point [N], in the plane to the left of the link."""
+    force, about = _of_guide(model, link, point), f"force of the guide along {link} on {point}"
+    if len(model.shown_axes) == 3:
+        return model.shown(force), "N", about
+    across = cross_in_plane(model.along[link], force) / model.linkage.link(link).length
+    return [across], "N", f"{about}, to the left of {link}"
+
+
+def _of_guide(model: ConstrainedPoints, link: str, point: str) -> Vector:
+    rows = [row for row in model.guides if (row.link, row.point) == (link, point)]
+    return _sum([_times(-model.multipliers[row.constraint.name].symbol, row.by_point) for row in rows])
 
 
 def _left(v: Vector) -> Vector:

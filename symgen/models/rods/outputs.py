@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from symgen.errors import SceneError, nearest
+from symgen.models.rods.joint_forces import guide_force, guided
 from symgen.models.rods.matrix import named
 from symgen.scene.rods.linkage import TIME
 from symgen.scene.rods.rotations import GearPair
@@ -33,8 +34,7 @@ def _reaction(model: RodsModel, name: str) -> Entries:
 def _tension(model: RodsModel, name: str) -> Entries:
     rod = model.rod(name)
     if rod is None:
-        body = name not in model.idle
-        reason = "is a body in space" if body else "lies between two ground points"
+        reason = "lies between two ground points" if name in model.idle else "is a body in space"
         raise SceneError(f"{name} {reason}: its tension is not determined")
     if name in model.implied:
         raise SceneError(f"{name} lies between points of one body: its tension is not determined")
@@ -94,11 +94,10 @@ def _angular_acceleration(model: RodsModel, name: str) -> Entries:
 def _speed_ratio(model: RodsModel, name: str) -> Entries:
     """Return the rate of a link over that of the drive, which must be constant and so cannot vanish."""
     drives = model.angle_drives
-    if len(drives) != 1 or len(model.axes) != 2 or len(drives[0].driver.links) > 1:
-        among = ", one against another link" if any(len(d.driver.links) > 1 for d in drives) else ""
+    if len(drives) != 1 or len(model.axes) != 2:
+        got = "a linkage in space" if len(model.axes) != 2 else f"{len(drives)} driven links"
         raise SceneError(
-            "a speed ratio needs a planar linkage with one link driven against the ground, got "
-            + ("a linkage in space" if len(model.axes) != 2 else f"{len(drives)} driven links{among}"),
+            f"a speed ratio needs a planar linkage with one driven link, got {got}",
             hint="Record angular_velocity.",
         )
     driven, link = drives[0].rate, drives[0].owner
@@ -108,7 +107,8 @@ def _speed_ratio(model: RodsModel, name: str) -> Entries:
             hint=f'Write angle = "speed*t" for {link}: the ratio does not depend on the speed.',
         )
     rate, _, _ = _angular_velocity(model, name)
-    return [rate[0] / driven], "1", f"angular velocity of {name} over that of {link}"
+    drive = " against ".join(drives[0].driver.links)
+    return [rate[0] / driven], "1", f"angular velocity of {name} over that of {drive}"
 
 
 def _across_and_along(model: RodsModel, first: str, vertex: str, second: str) -> tuple[sp.Expr, sp.Expr]:
@@ -293,7 +293,7 @@ KINEMATIC = (
     *("transmission_angle", "speed_ratio", "relative_angle", "length", "length_rate", "rate"),
 )
 #: Outputs of a point of a link.
-OF_JOINTS: dict[str, Callable[[RodsModel, str, str], Entries]] = {"force": _force}
+OF_JOINTS: dict[str, Callable[[RodsModel, str, str], Entries]] = {"force": _force, "guide_force": guide_force}
 
 
 def requested_outputs(model: RodsModel) -> list[NamedMatrix]:
@@ -383,11 +383,12 @@ def _entries(model: RodsModel, name: str) -> Entries:
     if word in OF_CORNERS and len(set(corner)) == len(corner) == 3 and set(corner) <= set(model.points):
         return OF_CORNERS[word](model, *corner)
     link, _, point = owner.partition(".")
-    if word in OF_JOINTS and point in links.get(link, ()):
+    joints = {"force": links, "guide_force": guided(model) if rigid else {}}
+    if point in joints.get(word, {}).get(link, ()):
         return OF_JOINTS[word](model, link, point)
     known = [f"{p}.{w}" for p in model.points for w in OF_POINTS]
     known += [f"{k}.{w}" for k in links for w in OF_LINKS]
-    loaded = {k: points for k, points in links.items() if k not in model.idle}
-    known += [f"{k}.{p}.{w}" for k, points in loaded.items() for p in points for w in OF_JOINTS]
+    known += [f"{k}.{p}.force" for k, points in links.items() if k not in model.idle for p in points]
+    known += [f"{k}.{p}.guide_force" for k, points in joints["guide_force"].items() for p in points]
     known += [*of_loads, *(f"{k}.{w}" for k, words in model.outputs_of_drives.items() for w in words)]
     raise SceneError(f"there is no output {name!r}", hint=nearest(name, known))

@@ -230,7 +230,8 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
     ) -> Result:
         """Return joint forces and drive efforts of the driven mechanism along its motion.
 
-        Results of loops include the motion, those of linkages section forces; elastic links count as rigid.
+        Results of loops include the motion, those of linkages in the plane section forces; elastic links
+        count as rigid. Linkages in space: the outputs that the scene selects, at the poses of the motion.
 
         Parameters
         ----------

@@ -29,7 +29,7 @@ class Forces(Result):
 
     @property
     def condition(self) -> float:
-        """Condition number of the equations of the joint forces at the pose nearest to a loss of rank."""
+        """Largest condition number of the equations of the joint forces; in space of the constraints."""
         return float(self.statistics["condition"])
 
     @property
@@ -44,7 +44,16 @@ class Forces(Result):
     @property
     def headline(self) -> str:
         """Title line of plots: elements, poses and condition."""
-        elements = self.statistics["elements"]
+        elements = self.statistics["elements"]  # none in space
         parts = "one element" if elements == 1 else f"{elements} elements"
         poses = "one pose" if self.count == 1 else f"{self.count} poses"
-        return f"rigid links of {parts}, {poses}; condition {self.condition:.3g}"
+        links = f"rigid links of {parts}" if elements else "forces by multipliers"
+        return f"{links}, {poses}; condition {self.condition:.3g}"
+
+    @property
+    def check(self) -> str:
+        """How well forces balance; in space how well accelerations by forces are those of the drives."""
+        by, size = "balance", "force"
+        if not self.statistics["elements"]:
+            by, size = "accelerations by drives", "acceleration"
+        return f"{by} met within {self.statistics['residual']:.1e} of the largest {size}"

@@ -173,7 +173,8 @@ def _plain(value: Any) -> Any:
 def usual_analysis(model: Any) -> str:
     """Return the analysis of sweeps and widgets that name none."""
     elastic = "quasi_static" in model.capabilities  # as of symgen run: inverse dynamics is of rigid links
-    preferred = ("simulate",) if elastic else ("inverse_dynamics", "simulate", "kinematics")
+    in_space = len(getattr(model.description, "shown_axes", ())) == 3  # not in lanes
+    preferred = ("simulate",) if elastic or in_space else ("inverse_dynamics", "simulate", "kinematics")
     return next((name for name in preferred if name in model.capabilities), "simulate")
 
 

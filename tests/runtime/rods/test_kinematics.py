@@ -355,6 +355,31 @@ def test_speed_ratio_of_a_four_bar():
         assert motion.variable("rocker.speed_ratio").unit == "1"
 
 
+def test_speed_ratio_of_a_drive_between_two_links():
+    """A motor in the joint of crank and coupler: the rates of both differ by its own."""
+    a, b, c, d = 0.1, 0.35, 0.3, 0.4
+    scene = four_bar(a, b, c, d, 0.3).model_dump(exclude_unset=True)
+    names = ("crank", "coupler", "rocker")
+    outputs = [f"{k}.{word}" for k in names for word in ("speed_ratio", "angle")]
+    places = {p: np.array([float(str(x).split()[0]) for x in of["at"]]) for p, of in scene["points"].items()}
+    directions = [np.arctan2(*(places[j] - places[i])[::-1]) for i, j in ("OA", "AB")]
+    scene["drivers"] = [
+        {"link": "coupler", "against": "crank", "angle": f"{np.subtract(*directions[::-1])} + w*t"}
+    ]
+    scene["parameters"] = {"w": "-0.7 rad/s"}
+    motion = symgen.build(
+        symgen.Scene(**scene, analysis={"kind": "kinematics", "t_end": "0.5 s", "outputs": outputs})
+    ).kinematics(0, 0.5)
+    crank, coupler, rocker = (motion[f"{k}.angle"].values for k in names)
+    by_crank = a * np.sin(rocker - crank) / (b * np.sin(coupler - rocker))
+    expected = 1 / (by_crank - 1), by_crank / (by_crank - 1)
+    for name, ratio in zip(names, expected, strict=False):
+        assert motion[f"{name}.speed_ratio"].values == pytest.approx(ratio, abs=1e-12)
+    of_rocker = a * np.sin(crank - coupler) / (c * np.sin(rocker - coupler)) / (by_crank - 1)
+    assert motion["rocker.speed_ratio"].values == pytest.approx(of_rocker, abs=1e-12)
+    assert "of coupler against crank" in motion.variable("rocker.speed_ratio").about
+
+
 def test_angular_acceleration_of_a_rod_on_a_moving_pivot():
     """The moment equation about a pivot at r sin(wt): 2 l theta'' = 3 (x'' sin(theta) - g cos(theta))."""
     scene = symgen.Scene(

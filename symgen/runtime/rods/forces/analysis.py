@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from time import perf_counter
 
 import numpy as np
@@ -99,7 +100,7 @@ def analyse(
     followed = replace(followed, samples=with_references(constraints, followed, begin))
     if over.spread:
         times = np.sort(followed.samples.times)
-    poses = _poses(linkage, followed, times, over.at is not None)
+    poses = sampled(constraints, followed, times, over.at is not None, linkage.at, partial(_at_pose, linkage))
     assembly = Assembly(constraints, loads, poses, request.elements)
     solution = by_multipliers(constraints, loads, poses, assembly) or solve(assembly)
     unknown = np.flatnonzero(~np.isfinite(solution.x).all(axis=1))
@@ -137,30 +138,40 @@ def _checked(request: LinkageForces) -> LinkageForces:
     return replace(request, elements=elements, sections=every)
 
 
-def _poses(linkage: _Linkage, followed: Followed, times: Array, every: bool) -> Poses:
-    """Return the samples in the order of the requested times; raise SimulationError if one is missing."""
+def sampled(
+    constraints: Constraints,
+    followed: Followed,
+    times: Array,
+    every: bool,
+    at: Callable[[float], str],
+    described: Callable[[SingularPose], str],
+) -> Poses:
+    """Return the samples in the order of the requested times; raise SimulationError if one is missing.
+
+    ``at`` and ``described`` return a time and a singular pose in words.
+    """
     order = np.argsort(followed.samples.times, kind="stable")
     reached = followed.samples.times[order]
     place = np.minimum(np.searchsorted(reached, times), max(len(reached) - 1, 0))
     there = reached[place] == times if len(reached) else np.zeros(len(times), dtype=bool)
     missing = times[~there].tolist()
     if missing and (every or not len(reached)):
-        singular = [_at_pose(linkage, p) for p in followed.poses]
+        singular = [described(p) for p in followed.poses]
         raise SimulationError(
             "\n  ".join(
                 [
-                    f"no pose that determines forces was reached at {linkage.at(missing[0])}",
+                    f"no pose that determines forces was reached at {at(missing[0])}",
                     *filter(None, singular),
                 ]
             ),
             time=missing[0],
         )
     poses = followed.samples[order[place[there]]]
-    if linkage.constraints.evaluator.has("line_lengths"):
+    if constraints.evaluator.has("line_lengths"):
         for t, q, u in zip(poses.times.tolist(), poses.q, poses.u, strict=True):
-            line = without_direction(linkage.constraints.evaluator, t, q, u)
+            line = without_direction(constraints.evaluator, t, q, u)
             if line:
-                raise SimulationError(f"no finite forces at {linkage.at(t)}: {line}", time=t)
+                raise SimulationError(f"no finite forces at {at(t)}: {line}", time=t)
     return poses
 
 
@@ -260,20 +271,21 @@ def _variables(
                 )
 
 
-def _selected(linkage: _Linkage, poses: Poses, followed: Followed) -> Iterator[Variable]:
+def selected(
+    constraints: Constraints, redundant: int, poses: Poses, followed: Followed
+) -> Iterator[Variable]:
     """Yield the outputs that the scene selects, by the equations of motion at the poses."""
-    constraints = linkage.constraints
     evaluator, d = constraints.evaluator, constraints.description
     if not d.selects or not evaluator.find("outputs"):
         return
-    equations = evaluator.equations(linkage.redundant)
+    equations = evaluator.equations(redundant)
     rows = np.zeros((len(poses), equations.dim))
     rows[:, : 2 * constraints.n] = poses.states[:, :2].reshape(len(poses), -1)
     groups = ((of.parameter_values, numbers) for of, numbers in poses.wound(evaluator))
     order = np.argsort(followed.samples.times)
     place = order[np.searchsorted(followed.samples.times, poses.times, sorter=order)]
     along = CurvePositions(d, constraints.moving(followed.path)[0], followed.near[place], followed.start)
-    for v in outputs_by_group(evaluator, equations, groups, poses.times, rows, linkage.redundant):
+    for v in outputs_by_group(evaluator, equations, groups, poses.times, rows, redundant):
         link, _, word = v.name.rpartition(".")
         yield replace(v, values=along.counted(link, v.values)) if word == "angle" and link in d.links else v
 
@@ -313,7 +325,8 @@ def _recorded(
     times = poses.times
     forces = [*_variables(linkage, assembly, solution, request)]
     known = {v.name for v in forces}
-    forces += (v for v in _selected(linkage, poses, followed) if v.name not in known)
+    chosen = selected(constraints, linkage.redundant, poses, followed)
+    forces += (v for v in chosen if v.name not in known)
     coordinate, variables = coordinate_of(times, forces, drive)
     return Forces(
         **of_model(

@@ -296,6 +296,8 @@ def driven_runs(
     d = model.description
     if d.kinematic or d.plane or d.events or d.held or d.redundant:
         return None
+    if with_forces and len(d.axes) > 2:  # those of the equations of motion
+        return None
     if d.rates:  # a user's outputs are not recorded in lanes
         return None
     if d.coordinates > LARGE or not fits_lanes(d):

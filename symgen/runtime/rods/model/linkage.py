@@ -210,6 +210,17 @@ class LinkageModel(Model):
                 '  Add [[drivers]] with link = "..." and angle = "speed*t", give a massless link a length by '
                 "t, or a ground point a motion."
             )
+        if name == "inverse_dynamics" and self.description.plane:
+            return (
+                "it is written in space and derived in the plane in which it moves\n"
+                "  Write its points with two coordinates, or run it."
+            )
+        if name == "inverse_dynamics" and len(self.description.axes) > 2 and not self.description.selects:
+            return (
+                "in space it computes the outputs that the scene selects, and this one selects none\n"
+                "  Write LINK.POINT.force, POINT.reaction, LINK.torque and others under [analysis] outputs, "
+                "or after --of."
+            )
         return super()._refused(name)
 
     def _assemblies(self, at: float | None = None, over: str | None = None) -> AssemblyModes[State]:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from symgen.calls import checked
 from symgen.runtime.arrays import Array
-from symgen.runtime.model.arguments import LinkageDerivatives, LinkageForces, LinkageMotion, LinkageRun, takes
+from symgen.runtime.model.arguments import LinkageDerivatives, LinkageMotion, LinkageRun, takes
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import Accelerations, AssemblyModes, State
 from symgen.runtime.rods.model.rods import RodModel
@@ -19,7 +19,6 @@ from symgen.runtime.rods.model.rods import RodModel
 if TYPE_CHECKING:
     from symgen.runtime.linearisation.record import Linearisation, Sensitivity
     from symgen.runtime.result.equilibrium import Equilibrium, Modes
-    from symgen.runtime.result.forces import Forces
     from symgen.runtime.result.motion import Motion
 
 
@@ -75,10 +74,6 @@ class PlaneModel(RodModel):
     @takes(LinkageMotion)
     def _kinematics(self, request: LinkageMotion) -> Motion:
         return self.in_space._kinematics(replace(request, state=self._whole(request.state)))
-
-    @takes(LinkageForces)
-    def _inverse_dynamics(self, request: LinkageForces) -> Forces:
-        return self.in_space._inverse_dynamics(replace(request, state=self._whole(request.state)))
 
     def _equilibrium(
         self, state: State | None = None, at: float | None = None, stable: bool = True

@@ -63,12 +63,6 @@ class RodModel(LinkageModel):
         return begun
 
     def _refused(self, name: str) -> str | None:
-        if name == "inverse_dynamics" and (len(self.description.axes) > 2 or self.description.plane):
-            return (
-                "joint forces by rigid elements are for linkages in the plane\n"
-                "  Run it (symgen run, simulate) with LINK.POINT.force, POINT.reaction and LINK.torque among "
-                "the outputs of the scene."
-            )
         if name in ("equilibrium", "modes") and self._never_rests:
             return self._never_rests
         d = self.description
@@ -353,9 +347,12 @@ class RodModel(LinkageModel):
     @takes(LinkageForces)
     def _inverse_dynamics(self, request: LinkageForces) -> Forces:
         from symgen.runtime.rods.forces.analysis import analyse
+        from symgen.runtime.rods.forces.in_space import analyse as analyse_in_space
 
         begin = self.initial_state() if request.state is None else request.state
         redundant = len(self._stored_start().redundant)
+        if len(self.description.axes) > 2:
+            return analyse_in_space(self.constraints(), begin, redundant, request)
         return analyse(self.constraints(), self.analysis("forces"), begin, redundant, request)
 
     def _equilibrium(
