@@ -146,7 +146,7 @@ def test_rows_without_a_command_say_why():
         if not row.commands:
             why = ("missing", "planned", "not derived", "no counterpart", "replaced")
             assert any(x in row.agreement for x in why), row
-    assert {r.agreement for r in rows() if "planned" in r.agreement} == {"planned"}
+    assert {r.agreement for r in rows() if "planned" in r.agreement} <= {"planned"}
     package = DOCS.parent / "symgen"
     for row in rows():
         for name in _CODE.findall(row.module):

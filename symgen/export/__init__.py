@@ -228,6 +228,8 @@ def _emitted(
     from symgen.lowering.program import lower_system
     from symgen.toolchain.kernels import no_collection
 
+    if system.saddle_point and system.saddle_point.couples:
+        raise CapabilityError(f"{system.name} has no export in C: its bearings have friction")
     with no_collection():
         program = lower_system(system)
         equations = equations_hash(program, Target())

@@ -97,12 +97,15 @@ def _reached(model: RodModel, t: float) -> ArgumentValues:
     state = model.reached(t)
     accelerations = model.accelerations(state)
     work = [x for p in model.description.free for x in accelerations.points[p].tolist()]
+    evaluator = model.counting(state).evaluator
+    unknowns = evaluator("accelerations", state.t, state.q, state.u)
+    couples = unknowns[len(unknowns) - evaluator.couples :]
     arrays = {
         "t": [state.t],
         "q": state.q.tolist(),
         "u": state.u.tolist(),
-        "p": model.counting(state).evaluator.parameter_values.tolist(),
-        "work": work + list(accelerations.multipliers.values()),
+        "p": evaluator.parameter_values.tolist(),
+        "work": [*work, *accelerations.multipliers.values(), *couples.tolist()],
     }
     return ArgumentValues(f"at t = {t:g} s" if t > 0 else "at the start", arrays)
 

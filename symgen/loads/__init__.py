@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from symgen.loads.actuator import LineForce
+from symgen.loads.bearing import BearingFriction
 from symgen.loads.bushing import ElasticBushing
 from symgen.loads.distributed_force import DistributedLoad
 from symgen.loads.force import AppliedForce
@@ -22,5 +23,6 @@ LOADS = Registry[type[Load]](
         "torques": AppliedTorque,
         "torsion_springs": AngularSpring,
         "bushings": ElasticBushing,
+        "bearings": BearingFriction,
     }
 )

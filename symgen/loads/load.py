@@ -81,6 +81,20 @@ def expression(kind: Literal["scalar", "polar", "axial"]) -> Any:
 
 
 @dataclass(frozen=True, slots=True)
+class JointLaw:
+    """A couple [N m] on a link against another one, or the ground (empty), by the force in their joint.
+
+    ``law`` is a function of ``JOINT_FORCE`` and ``RATE``, and at most ``arm`` [m] times the force.
+    """
+
+    link: str
+    against: str
+    point: str
+    law: sp.Expr
+    arm: sp.Expr
+
+
+@dataclass(frozen=True, slots=True)
 class Load(ABC):
     """A load of a linkage: one entry of its table, with exact values in SI units.
 
@@ -124,6 +138,16 @@ class Load(ABC):
     @abstractmethod
     def terms(self, dimension: int) -> Iterator[LoadTerm]:
         """Yield the measures on which the load acts, with energy and force, in 2 or 3 dimensions."""
+
+    @property
+    def of_joint(self) -> JointLaw | None:
+        """The law of ``couple`` by the force in a joint; None without one."""
+        return None
+
+    @property
+    def couple(self) -> sp.Symbol:
+        """The couple by the force in a joint [N m], an unknown of the equations of motion."""
+        return sp.Symbol(f"{self.name}.couple", real=True)
 
     def off_sections(self) -> Load | None:
         """Return the load without what acts on sections of elastic links; None where nothing is left."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from symgen.errors import SceneError, check_known
+from symgen.errors import ModelError, SceneError, check_known
 from symgen.models.linearisation import (
     linearisation_system,
     sensitivity_system,
@@ -73,6 +73,10 @@ OF_LOOPS: dict[str, Callable[[Loop], System]] = {
 }
 
 
+#: Analyses with slopes of loads, or without unknown forces on which loads may depend.
+_BY_SLOPES = ("tangent", "linearisation", "sensitivity", "variation", "vibration", "forces")
+
+
 def elastic_systems(linkage: Linkage) -> dict[str, System]:
     """Return the Systems of what elastic links need, by their kind; none where every link is rigid."""
     if not linkage.elastic:
@@ -93,6 +97,11 @@ def analysis_system(mechanism: Any, kind: str) -> System:
     """
     known: dict[str, Callable[[Any], System]] = {**ANALYSES, **OF_LOOPS}
     check_known(kind, known, "there is no analysis")
+    if kind in _BY_SLOPES and any(load.of_joint for load in mechanism.loads):
+        raise ModelError(
+            f"{mechanism.name}: friction of bearings follows from the forces in them, and its slopes are not "
+            "derived: implicit methods, derivatives and forces of a prescribed motion do not have it"
+        )
     try:
         return known[kind](mechanism)
     except SceneError as error:

@@ -65,6 +65,13 @@ def with_state(system: System, description: Description, library: Library) -> De
         begun = start(evaluator)
         # That constraints are redundant shows at the start only: then the factorisation must expect it.
         description = replace(description, rank_tolerance=begun.rank_tolerance)
+    if evaluator.couples and begun.redundant:
+        names = ", ".join(description.labels[i] for i in begun.redundant)
+        raise SceneError(
+            f"friction of bearings needs the forces in them, which redundant constraints leave open: {names}",
+            where="bearings.0",
+            hint="Leave out a constraint, or give couples by the state: [[torques]].",
+        )
     if description.constraints:
         # Evaluated from the derived matrices, so that errors of the lowering show here.
         work = np.zeros(len(system.group("work").quantities))

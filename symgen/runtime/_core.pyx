@@ -457,8 +457,8 @@ cdef class Integrable:
         return self.core.sizes.rank_tolerance
 
     def solutions(self, t: Array, y: Array) -> Array:
-        """Return accelerations and multipliers at every row of y = (q, u, ...)."""
-        found = np.zeros((y.shape[0], self.n + self.m + 1))
+        """Return accelerations, multipliers and couples at every row of y = (q, u, ...)."""
+        found = np.zeros((y.shape[0], self.n + self.m + self.core.sizes.couples + 1))
         if y.shape[0] == 0:
             return found
         at_least("numbers in a row of y", y.shape[1], 2 * self.n)
@@ -558,13 +558,15 @@ cdef class KernelEquations(Integrable):
         The library of that kernel and its set-up, for implicit methods.
     stabilisation
         Rate [1/s] of Baumgarte's terms in derivatives; 0 for none.
+    couples
+        Number of further unknowns, which the kernel 'accelerations' writes behind the multipliers.
     """
 
     def __init__(self, library: Library, Py_ssize_t n, Py_ssize_t m, Py_ssize_t extra, const double[::1] p,
                  Py_ssize_t work_size, Py_ssize_t first_pivot, double rank_tolerance, Py_ssize_t redundant,
                  double slack, *, long series_rows=0, long series_watched=0, Core core=DOUBLE, long events=0,
                  long switches=0, long tables=0, long windings=0, long turns=0, tangent: ArrayLike = (),
-                 tangent_library: Library | None = None, double stabilisation=0.0):
+                 tangent_library: Library | None = None, double stabilisation=0.0, long couples=0):
         cdef kernels functions
         cdef sizes wanted
         addresses = library.addresses
@@ -579,6 +581,7 @@ cdef class KernelEquations(Integrable):
         functions.events, functions.tangent = kernel_of(addresses, "events"), kernel_of(tangents, "tangent")
         functions.setup, functions.tangent_setup = kernel_of(addresses, "setup"), kernel_of(tangents, "setup")
         wanted.n, wanted.m, wanted.extra, wanted.parameters = n, m, extra, p.shape[0]
+        wanted.couples = couples
         wanted.derived = library.derived
         wanted.tangent_derived = tangent_library.derived if tangents else 0
         wanted.work, wanted.first_pivot, wanted.redundant = work_size, first_pivot, redundant

@@ -361,7 +361,7 @@ cdef class LinkageRuns(Starts):
             raise ValueError("expected at least one recorded time")
         outputs = evaluator.find("outputs")
         self.out = outputs.out_size if outputs else 0
-        self.work = self.n + self.m + 1 if outputs and outputs.work_size else 0
+        self.work = self.n + self.m + self.e.sizes.couples + 1 if outputs and outputs.work_size else 0
         if outputs and outputs.work_size > self.work:
             raise ValueError("expected outputs that need accelerations and multipliers only")
         self.scheme = equations.of.scheme(method)

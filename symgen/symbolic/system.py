@@ -159,10 +159,9 @@ class SaddlePoint:
     """Names of the matrices of [M J^T; J 0] [a; lam] = [f; gamma], and the order of its elimination.
 
     ``order`` lists unknowns: numbers below the count of coordinates are coordinates, the others multipliers.
-    A multiplier whose pivot is at most ``rank_tolerance`` of its terms of equal sign depends on those before
-    it and is set to zero; callers of the kernels may pass another tolerance. If the rows of J are
-    ``independent`` in every configuration, no pivot is compared. ``costs`` has the counted costs by which the
-    order was chosen, with the names of the orders: that of the chosen one first.
+    A multiplier whose pivot is at most ``rank_tolerance`` of its terms of equal sign is zero; callers of
+    kernels may pass another tolerance. If rows of J are ``independent`` everywhere, no pivot is compared.
+    ``costs`` has counted costs by orders, the chosen one first. ``couples``: unknowns in f, and their sizes.
     """
 
     mass: str
@@ -173,6 +172,7 @@ class SaddlePoint:
     rank_tolerance: str
     independent: bool = False
     costs: tuple[tuple[str, int], ...] = ()
+    couples: str = ""
 
 
 @dataclass(frozen=True, slots=True)

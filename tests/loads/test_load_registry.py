@@ -38,7 +38,10 @@ LOADED = {
     "torsion_springs": 'link = "AB"\nagainst = "OA"\nstiffness = "6 N*m"\nangle = 0.4\ndamping = "2 N*m*s"',
     "bushings": 'between = ["A", "X"]\nlink = "AB"\nagainst = "OA"\nstiffness = ["70 N/m", "30 N/m"]\n'
     'damping = ["4 N*s/m", "1 N*s/m"]\nangular_stiffness = "6 N*m"\nangle = 0.4\nangular_damping = "2 N*m*s"',
+    "bearings": 'link = "AB"\nagainst = "OA"\npoint = "A"\ncoefficient = 0.2\nradius = "20 mm"\ntransition = "1 rad/s"',
 }
+#: The couple of a bearing, an unknown [N m].
+COUPLE = -0.7
 IN_SPACE = {
     "springs": LOADED["springs"],
     "actuators": LOADED["actuators"],
@@ -66,6 +69,7 @@ def numbers(model, q, u):
     put |= dict(zip([x.symbol for p in model.free for x in model.u[p]], map(sp.Float, u), strict=True))
     put |= {s: e for s, e in model.held.items()}
     put |= dict(model.linkage.defaults)
+    put |= {x.symbol: sp.Float(COUPLE) for x in model.loads.of_joints.values()}
     for definition in model.calculus.definitions:
         put[definition.quantity.symbol] = definition.expression.xreplace(put)
     return lambda expression: float(sp.sympify(expression).xreplace(put))
@@ -134,6 +138,8 @@ def expected_power(dimension, table, q, u):
         return np.array([1, -2, 3 * b[2]]) @ (spins[1] - spins[0])
     angle = np.arctan2(d[1], d[0]) - np.arctan2(a[1], a[0])
     turning = (d[0] * rate[1] - d[1] * rate[0]) / (d @ d) - (a[0] * va[1] - a[1] * va[0]) / (a @ a)
+    if table == "bearings":
+        return COUPLE * turning
     if table == "torques":
         return 3 * np.sin(angle) * turning
     bent = (angle - 0.4 + np.pi) % (2 * np.pi) - np.pi

@@ -265,12 +265,12 @@ def test_a_load_without_a_value_at_the_start_is_told_from_a_step_that_is_too_lar
 
 
 def test_a_run_that_fails_within_reach_of_a_place_without_direction_names_it():
-    from symgen.runtime.integrate.causes import without_direction
+    from symgen.runtime.integrate.causes import cause
 
     model = symgen.build(symgen.Scene(**slider(1.0, length="0.4 m")))
     q, u = np.array([0.125, 0.0]), np.array([-1.0, 0.0])
-    assert without_direction(model.evaluator, 0.0, q, u) == ""
-    assert "between M and A is 0.125 m long" in without_direction(model.evaluator, 0.0, q, u, reach=0.2)
+    assert cause(model.evaluator, 0.0, q, u) == ""
+    assert "between M and A is 0.125 m long" in cause(model.evaluator, 0.0, q, u, reach=0.2)
 
 
 BAD = {

@@ -70,6 +70,9 @@ LOADED = BARS | {
         {"between": ["O", "S"], "link": "rod", "stiffness": ["3 N/m", "4 N/m"], "damping": ["1 N*s/m", "2 N*s/m"],
          "angular_stiffness": "2 N*m", "angular_damping": "1 N*m*s", "angle": "20 deg"},
     ],
+    "bearings": [
+        {"link": "rod", "against": "bar", "point": "P", "coefficient": 0.2, "radius": "2 cm", "transition": "3 rad/s"}
+    ],
     "masses": [{"point": "S", "mass": "1 kg", "inertia": "0.1 kg*m^2"}],
     "drivers": [{"link": "bar", "angle": "30 deg"}],
 }  # fmt: skip

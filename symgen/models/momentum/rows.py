@@ -78,6 +78,8 @@ def momentum_system(linkage: Linkage, cuts: Sequence[str] = (), *, joined: bool 
     """
     try:
         whole = RodsModel(linkage)
+        if whole.loads.of_joints:
+            raise DerivationError(f"{linkage.name} has no momentum rows: these have no friction of bearings")
         whole.check_masses()
         opened, chosen = cut_linkage(whole, cuts)
         model = RodsModel(opened) if chosen else whole

@@ -25,7 +25,7 @@ from symgen.mechanics.rods.particles import Vector
 from symgen.models.rods.points import Points
 from symgen.scene.rods.linkage import SpatialBody, state_of
 from symgen.symbolic.calculus import ONE, ZERO
-from symgen.symbolic.quantity import Entries
+from symgen.symbolic.quantity import Entries, quantity
 from symgen.symbolic.vectors import cross, cross_in_plane, dot
 
 #: Units of the extents and efforts of measures.
@@ -43,6 +43,12 @@ class Loads:
         self._frames: dict[str, tuple[Vector, ...]] = {}
         self._actions: dict[LoadTerm, list[Action]] = {}
         placed = [load for _, _, load in self.linkage.placed_loads]
+        #: Couples by the forces in joints, by load: unknowns behind the multipliers.
+        self.of_joints = {
+            x.name: quantity(f"{x.name}_couple", "N*m", f"couple of {x.noun} {x.name.rpartition('_')[2]}")
+            for x in placed
+            if x.of_joint
+        }
         #: Every load with its terms by measure.
         self.terms: list[tuple[Load, LoadTerm]] = [(x, t) for x in placed for t in x.terms(len(model.axes))]
 
@@ -308,6 +314,8 @@ class Loads:
     def _state(self, name: str) -> sp.Expr:
         """Return the quantity ``owner.word`` of the state."""
         owner, _, word = name.partition(".")
+        if word == "couple":
+            return self.of_joints[owner].symbol
         if word == "state":
             return self.model.u[owner][0].symbol
         if owner in self.model.points:

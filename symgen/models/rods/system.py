@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from symgen.errors import SceneError
 from symgen.mechanics.sources import linkage_sources
+from symgen.models.couples import COUPLES, joint_couples
 from symgen.models.limits import limits_of
 from symgen.models.rods import outputs
 from symgen.models.rods.elimination import is_open, order_of
@@ -38,7 +39,8 @@ def linkage_system(linkage: Linkage) -> System:
     model.check_masses()
     requested = outputs.requested_outputs(model)
     start, start_kernels = start_exports(model)
-    equations, exports = _equations(model), _exports(model)
+    couples = joint_couples(model)
+    equations, exports = [*_equations(model), *couples], _exports(model)
     order, costs = order_of(
         model, *(m.matrix for m in equations if m.name in ("mass_matrix", "constraint_jacobian"))
     )
@@ -92,6 +94,7 @@ def linkage_system(linkage: Linkage) -> System:
             _rank_tolerance(linkage),
             is_open(model),
             costs,
+            COUPLES if couples else "",
         ),
         references=(REFERENCE,),
         sources=linkage_sources(model.sliding),
@@ -117,7 +120,7 @@ def groups(model: RodsModel) -> tuple[Group, ...]:
         Group(
             "work",
             "accelerations and multipliers, as the kernel 'accelerations' wrote them",
-            (*free, *model.multipliers.values()),
+            (*free, *model.multipliers.values(), *model.loads.of_joints.values()),
         ),
     )
 

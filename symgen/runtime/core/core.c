@@ -38,7 +38,7 @@ static void solve_rows(struct equations *e, long rows, const void *t, const void
     const real *row = y;
     for (long i = 0; i < rows && !is_interrupted(i); i++, row += y_stride) {
         e->of->accelerate(e, ((const real *)t)[i], row);
-        memcpy((real *)out + i * out_stride, e->out, (size_t)(e->n + e->m) * sizeof(real));
+        memcpy((real *)out + i * out_stride, e->out, (size_t)(e->n + e->m + e->sizes.couples) * sizeof(real));
     }
 }
 

@@ -71,7 +71,7 @@ struct core_api {
                            void *memory);
     /* Set parameters (high + low) and compute the quantities that depend on them alone. */
     void (*set_parameters)(struct equations *e, const double *high, const double *low);
-    /* Accelerations and multipliers at rows of y: n + m reals per row of `out`. */
+    /* Accelerations, multipliers and couples at rows of y: n + m + sizes.couples reals per row of `out`. */
     void (*solve_rows)(struct equations *e, long rows, const void *t, const void *y, long y_stride, void *out,
                        long out_stride);
     int (*check)(struct equations *e, double t, const void *y);

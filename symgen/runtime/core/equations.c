@@ -21,7 +21,7 @@ static size_t place(struct equations *e, const struct sizes *s, void *memory) {
         ARENA_ARRAY(e->tangent_p, s->parameters + s->tangent_derived + 1),
         ARENA_ARRAY(e->work, s->work + 1),
         ARENA_ARRAY(e->factors, s->work + 1),
-        ARENA_ARRAY(e->out, 2 * whole),
+        ARENA_ARRAY(e->out, 2 * whole + s->couples),
         ARENA_ARRAY(e->rates, m + 1),
         ARENA_ARRAY(e->rhs, whole),
         ARENA_ARRAY(e->energies, 3),

@@ -51,6 +51,7 @@ struct kernels {
 /* Sizes and limits of a model. */
 struct sizes {
     long n, m;             /* coordinates, constraints */
+    long couples;          /* further unknowns, which `accelerations` writes behind the multipliers */
     long extra;            /* 1 if the work of loads without potential is integrated */
     long parameters;
     long derived, tangent_derived; /* reals that `setup` and `tangent_setup` write */

@@ -1,4 +1,4 @@
-"""Why a state has no finite accelerations: springs and actuators at zero length."""
+"""Why a state has no finite accelerations: springs and actuators at zero length, bearings that lock."""
 
 from __future__ import annotations
 
@@ -11,7 +11,30 @@ from symgen.runtime.kernels.evaluate import Evaluator
 NEAR = 1e-12
 
 
-def without_direction(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float = 0.0) -> str:
+#: Ways ahead of the last state at which friction is tried, over that within reach.
+_AHEAD = (0.0, 1.0, 1e3, 1e6)
+
+
+def cause(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float = 0.0) -> str:
+    """Name what has no finite force at a state, or within ``reach`` [m] of it; '' for none."""
+    return _without_direction(evaluator, t, q, u, reach) or _locked(evaluator, t, q, u, reach)
+
+
+def _locked(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float) -> str:
+    """Tell whether the friction of bearings does not follow from the forces in them."""
+    if not evaluator.couples:
+        return ""
+    way = u * (reach / max(float(np.max(np.abs(u), initial=0.0)), 1e-300))
+    tried = (evaluator("accelerations", t, q + part * way, u) for part in _AHEAD)
+    if not any(np.isnan(out[0]) and np.isfinite(out[1:]).all() for out in tried):
+        return ""
+    return (
+        "friction of bearings is not found from the forces in them, which it changes by about as much as "
+        "it follows from them: the linkage locks, or is near a dead centre"
+    )
+
+
+def _without_direction(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float) -> str:
     """Name the shortest spring or actuator if its length is zero, or within ``reach`` [m]."""
     if not evaluator.has("line_lengths"):
         return ""

@@ -11,7 +11,7 @@ import numpy as np
 from symgen.precision import PRECISIONS
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
-from symgen.runtime.integrate.causes import without_direction
+from symgen.runtime.integrate.causes import cause
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.pace import OUT_OF_TIME, out_of_time
 from symgen.runtime.kernels.description import Description
@@ -207,7 +207,7 @@ def _of_the_loads(
     n = evaluator.description.coordinates
     q, u, _ = np.split(stepper.state, [n, 2 * n])
     reached = 2 * stepper.h * float(np.max(np.abs(u), initial=0.0))
-    line = without_direction(evaluator, stepper.t, q, u, reached)
+    line = cause(evaluator, stepper.t, q, u, reached)
     near = f"; {line}" if line else lost_rank
     if status == _core.NOT_FINITE and not stepper.recorded:
         what = (

@@ -132,6 +132,12 @@ class Evaluator(Kernels):
         out = self.many(kernel, times, q, u, work)
         return {b.name: part(out, b) for b in self.info(kernel).blocks}
 
+    @property
+    def couples(self) -> int:
+        """Number of couples by the forces in joints, unknowns behind the multipliers."""
+        d, motion = self.description, self.description.kernel("accelerations")
+        return motion.out_size - d.coordinates - len(d.constraints) if motion else 0
+
     def equations(
         self,
         redundant: int = 0,
@@ -174,6 +180,7 @@ class Evaluator(Kernels):
             stabilisation=stabilisation,
             tangent=entries,
             tangent_library=tangent.library if tangent else None,
+            couples=self.couples,
         )
 
 

@@ -12,7 +12,7 @@ from symgen.errors import InitialStateError
 from symgen.runtime import _start
 from symgen.runtime._start import Starter
 from symgen.runtime.arrays import Array
-from symgen.runtime.integrate.causes import without_direction
+from symgen.runtime.integrate.causes import cause
 from symgen.runtime.integrate.pace import check_wall
 from symgen.runtime.integrate.redundancy import (
     ASSEMBLED,
@@ -76,7 +76,7 @@ def start(evaluator: Evaluator) -> Start:
     held = d.elastic is not None and len(d.axes) == 3 and not moves
     redundant = Redundancy((), d.rank_tolerance) if held else redundant_constraints(evaluator, q)
     u = _velocities(evaluator, starter, redundant.rows) if moves else np.zeros(len(q))
-    line = without_direction(evaluator, 0.0, q, u)
+    line = cause(evaluator, 0.0, q, u)
     if line:
         raise InitialStateError(f"{line}\n  Draw its points apart.", where="springs")
     return Start(q, u, *redundant)

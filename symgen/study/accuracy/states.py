@@ -107,6 +107,10 @@ def _between(system: System, random: Random) -> dict[str, Array]:
 def of_linkage(model: RodModel, count: int, seed: int, run: bool) -> States:
     """Return states of a linkage: ``count`` each along its run, on and off its constraints."""
     evaluator, notes = model.evaluator, list[str]()
+    if evaluator.couples:
+        raise ModelError(
+            f"{model.name}: exact solutions are those of linear equations, without friction of bearings"
+        )
     along = list(_along(model, count if run else 1, notes))
     random = np.random.default_rng(seed)
     size, n = _size(evaluator, along[0][1]), evaluator.description.coordinates

@@ -12,7 +12,7 @@ import numpy as np
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.arrays import Array
-from symgen.runtime.integrate.causes import without_direction
+from symgen.runtime.integrate.causes import cause
 from symgen.runtime.kernels.arguments import count, reals
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.model.arguments import LinkageForces
@@ -169,7 +169,7 @@ def sampled(
     poses = followed.samples[order[place[there]]]
     if constraints.evaluator.has("line_lengths"):
         for t, q, u in zip(poses.times.tolist(), poses.q, poses.u, strict=True):
-            line = without_direction(constraints.evaluator, t, q, u)
+            line = cause(constraints.evaluator, t, q, u)
             if line:
                 raise SimulationError(f"no finite forces at {at(t)}: {line}", time=t)
     return poses

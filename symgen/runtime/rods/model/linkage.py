@@ -31,6 +31,10 @@ if TYPE_CHECKING:
     from symgen.runtime.rods.constraints import Constraints
 
 
+#: Analyses of loads that follow from the state alone.
+_OF_LOADS_OF_STATES = ("inverse_dynamics", "linearise", "modes", "sensitivity")
+
+
 @checked
 class LinkageModel(Model):
     """Compiled kernels of a linkage at one set of parameters."""
@@ -197,6 +201,12 @@ class LinkageModel(Model):
         return Constraints(self.evaluator, self.analysis("kinematics"))
 
     def _refused(self, name: str) -> str | None:
+        if name in _OF_LOADS_OF_STATES and self.evaluator.couples:
+            instead = "\n  Simulate it with LINK.torque among the outputs." * (name == "inverse_dynamics")
+            return (
+                "friction of its bearings follows from the forces in them; its slopes are not derived"
+                + instead
+            )
         driven = name in ("kinematics", "inverse_dynamics", "assemblies")
         if driven and self.description.states:
             return (

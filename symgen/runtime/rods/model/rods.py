@@ -14,7 +14,7 @@ from symgen.calls import checked
 from symgen.errors import ModelError, OptionsError, check_known
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
-from symgen.runtime.integrate.causes import without_direction
+from symgen.runtime.integrate.causes import cause
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.integrate.redundancy import SelfStress
 from symgen.runtime.integrate.simulate import run
@@ -94,7 +94,7 @@ class RodModel(LinkageModel):
         equations = self.evaluator.equations(len(redundant))
         row = np.concatenate([q, u, [0.0, 0.0]])
         status = equations.check(t, row)
-        line = without_direction(self.evaluator, t, q, u)
+        line = cause(self.evaluator, t, q, u)
         if line:
             raise ModelError(f"no finite accelerations at t = {t:g} s: {line}")
         if status != _core.DONE:
@@ -123,7 +123,7 @@ class RodModel(LinkageModel):
         of_points = self.evaluator.blocks("point_accelerations", *at, work)
         points = dict(zip(d.points, of_points["point_accelerations"], strict=True))
         reactions = reactions_at(self.evaluator, *at, work)
-        multipliers = dict(zip(d.constraints, work[d.coordinates : -1].tolist(), strict=True))
+        multipliers = dict(zip(d.constraints, work[d.coordinates :].tolist(), strict=False))
         return Accelerations(points, multipliers, reactions, tuple(d.constraints[i] for i in open_rows))
 
     @property

@@ -1,0 +1,308 @@
+"""Friction of bearings: against closed forms and Newton-Euler equations with the forces solved for; refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
+
+import symgen
+from symgen.errors import CapabilityError, DerivationError, ModelError, SceneError, SimulationError
+from symgen.export import export_c
+
+G = 9.81
+BEARING = {"link": "rod", "point": "O", "coefficient": 0.2, "radius": "20 mm", "transition": "0.5 rad/s"}
+
+
+def pendulum(**changes):
+    return symgen.Scene(
+        name="bearing_pendulum",
+        points={"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["0.3 m", "0 m"]}},
+        links={"rod": {"points": ["O", "A"], "mass": "2 kg"}},
+        gravity={"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
+        analysis={
+            "outputs": ["rod.angle", "bearings.0.torque", "bearings.0.dissipated_power", "rod.O.force"]
+        },
+        bearings=[BEARING | changes],
+    )
+
+
+def couple_of_pendulum(angle, rate):
+    """The couple of the rod's bearing: the root of a quadratic, since it changes the force linearly."""
+    mass, length, arm, transition = 2.0, 0.3, 0.2 * 0.02, 0.5
+    inertia, c = mass * length**2 / 3, arm * rate / np.hypot(rate, transition)
+    along = mass * (rate**2 * length / 2 - G * np.sin(angle))
+    free = mass * G * np.cos(angle) - mass * length / 2 * mass * G * length / 2 * np.cos(angle) / inertia
+    by = mass * length / 2 / inertia  # of the transverse force by the couple
+    # couple^2 = c^2 (along^2 + (free + by couple)^2), against the rate
+    roots = np.roots([1 - (c * by) ** 2, -2 * c**2 * free * by, -(c**2) * (along**2 + free**2)])
+    return float(min(roots.real) if rate > 0 else max(roots.real)), inertia, mass * G * length / 2
+
+
+def test_pendulum_against_the_closed_form_of_its_force():
+    run = symgen.build(pendulum()).simulate(t_end=3.0, rtol=1e-12, samples=61)
+
+    def rates(_, y):
+        couple, inertia, moment = couple_of_pendulum(*y)
+        return [y[1], (couple - moment * np.cos(y[0])) / inertia]
+
+    truth = solve_ivp(rates, (0, 3), [0.0, 0.0], method="DOP853", rtol=1e-13, atol=1e-14, t_eval=run.time)
+    assert np.max(np.abs(run["rod.angle"].values.ravel() - truth.y[0])) < 1e-10
+    couples = np.array([couple_of_pendulum(*y)[0] for y in truth.y.T])
+    assert np.max(np.abs(run["bearings.0.torque"].values.ravel() - couples)) < 1e-10 * np.max(np.abs(couples))
+    assert np.max(np.abs(couples)) > 0.1  # of a moment of 2.9 N m
+    lost = run["bearings.0.dissipated_power"].values.ravel()
+    assert lost == pytest.approx(-couples * truth.y[1], abs=1e-9)
+    assert np.all(lost >= 0)
+    energy = 0.5 * 0.06 * truth.y[1] ** 2 + 2 * G * 0.15 * np.sin(truth.y[0])
+    work = solve_ivp(
+        lambda _, y: [*rates(0, y[:2]), -couple_of_pendulum(*y[:2])[0] * y[1]],
+        (0, 3), [0.0, 0.0, 0.0], method="DOP853", rtol=1e-13, atol=1e-14,
+    ).y[2, -1]  # fmt: skip
+    assert energy[-1] == pytest.approx(-work, rel=1e-9)
+    assert run.drift.energy < 1e-9 * work
+
+
+LENGTHS = {"crank": 0.1, "coupler": 0.3, "rocker": 0.25}
+MASSES = {"crank": 0.5, "coupler": 1.2, "rocker": 0.9}
+BASE, MU, RADIUS, TRANSITION, TORQUE = 0.28, 0.15, 0.012, 0.8, 1.5
+
+
+def four_bar(**changes):
+    joints = (
+        ("crank", "O", None),
+        ("coupler", "A", "crank"),
+        ("rocker", "B", "coupler"),
+        ("rocker", "Q", None),
+    )
+    law = {"coefficient": MU, "radius": f"{RADIUS} m", "transition": f"{TRANSITION} rad/s"} | changes
+    angles = closed(np.pi / 3)
+    a = 0.1 * np.array([np.cos(angles[0]), np.sin(angles[0])])
+    b = a + 0.3 * np.array([np.cos(angles[1]), np.sin(angles[1])])
+    return symgen.Scene(
+        name="bearing_four_bar",
+        points={
+            "O": {"at": ["0 m", "0 m"], "ground": True},
+            "A": {"at": [f"{x!r} m" for x in a.tolist()]},
+            "B": {"at": [f"{x!r} m" for x in b.tolist()]},
+            "Q": {"at": [f"{BASE} m", "0 m"], "ground": True},
+        },
+        links={
+            name: {"points": points, "mass": f"{MASSES[name]} kg", "length": f"{LENGTHS[name]} m"}
+            for name, points in (("crank", ["O", "A"]), ("coupler", ["A", "B"]), ("rocker", ["Q", "B"]))
+        },
+        gravity={"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
+        torques=[{"link": "crank", "torque": f"{TORQUE} N*m"}],
+        analysis={"outputs": ["crank.angle", *(f"bearings.{i}.torque" for i in range(4))]},
+        bearings=[
+            {"link": link, "point": point} | ({"against": other} if other else {}) | law
+            for link, point, other in joints
+        ],
+    )
+
+
+def closed(crank):
+    """Angles of crank, coupler and rocker (from Q) of the open four-bar."""
+    a = 0.1 * np.array([np.cos(crank), np.sin(crank)])
+    line = np.array([BASE, 0.0]) - a
+    d = np.hypot(*line)
+    at = np.arctan2(line[1], line[0]) + np.arccos((d**2 + 0.3**2 - 0.25**2) / (2 * d * 0.3))
+    b = a + 0.3 * np.array([np.cos(at), np.sin(at)])
+    return np.array([crank, at, np.arctan2(b[1], b[0] - BASE)])
+
+
+class Newton:
+    """The four-bar by Newton's and Euler's equations of three bodies, with forces at four joints as unknowns."""
+
+    def __init__(self, crank, rate):
+        self.angles = angles = closed(crank)
+        u, n = np.array([np.cos(angles), np.sin(angles)]), np.array([-np.sin(angles), np.cos(angles)])
+        lengths = np.array([*LENGTHS.values()])
+        # rates: crank + coupler = rocker in velocities of B
+        system = np.column_stack([lengths[1] * n[:, 1], -lengths[2] * n[:, 2]])
+        self.rates = rates = np.append(rate, np.linalg.solve(system, -lengths[0] * rate * n[:, 0]))
+        # unknowns: angular accelerations, forces O on crank, A on coupler, B on rocker, Q on rocker
+        matrix, right = np.zeros((11, 11)), np.zeros(11)
+        matrix[:2, 0], matrix[:2, 1], matrix[:2, 2] = (
+            lengths[0] * n[:, 0],
+            lengths[1] * n[:, 1],
+            -lengths[2] * n[:, 2],
+        )
+        squares = lengths * rates**2
+        right[:2] = squares[0] * u[:, 0] + squares[1] * u[:, 1] - squares[2] * u[:, 2]
+        forces = {name: slice(3 + 2 * i, 5 + 2 * i) for i, name in enumerate("OABQ")}
+        bodies = (("O", 1, "A", -1), ("A", 1, "B", -1), ("Q", 1, "B", 1))  # at the start, at the end
+        for k, (start, of_start, end, of_end) in enumerate(bodies):
+            mass, rows = [*MASSES.values()][k], slice(2 + 3 * k, 4 + 3 * k)
+            turn = 4 + 3 * k
+            matrix[rows, forces[start]] += of_start * np.eye(2)
+            matrix[rows, forces[end]] += of_end * np.eye(2)
+            half = lengths[k] / 2
+            matrix[rows, k] -= mass * half * n[:, k]
+            right[rows] += [0, mass * G] - mass * half * rates[k] ** 2 * u[:, k]
+            if k == 1:  # its start is A
+                matrix[rows, 0] -= mass * lengths[0] * n[:, 0]
+                right[rows] -= mass * lengths[0] * rates[0] ** 2 * u[:, 0]
+            matrix[turn, k] -= mass * lengths[k] ** 2 / 12
+            matrix[turn, forces[start]] += of_start * -half * n[:, k]
+            matrix[turn, forces[end]] += of_end * half * n[:, k]
+        right[4] -= TORQUE
+        self.matrix, self.right, self.forces = matrix, right, forces
+
+    def solved(self, couples):
+        o, a, b, q = couples
+        right = self.right.copy()
+        right[[4, 7, 10]] -= [o - a, a - b, b + q]
+        return np.linalg.solve(self.matrix, right)
+
+    def couples(self):
+        w = self.rates
+        turning = np.array([w[0], w[1] - w[0], w[2] - w[1], w[2]])
+        sliding = turning / np.hypot(turning, TRANSITION)
+
+        def missed(couples):
+            x = self.solved(couples)
+            sizes = np.array([np.hypot(*x[self.forces[name]]) for name in "OABQ"])
+            return couples + MU * RADIUS * sizes * sliding
+
+        found = root(missed, np.zeros(4), tol=1e-15)
+        assert np.max(np.abs(missed(found.x))) < 1e-12
+        return found.x
+
+
+def test_four_bar_with_four_bearings_against_newton_and_euler():
+    run = symgen.build(four_bar()).simulate(t_end=0.6, rtol=1e-13, samples=31)
+
+    def rates(_, y):
+        of = Newton(*y)
+        return [y[1], of.solved(of.couples())[0]]
+
+    truth = solve_ivp(
+        rates, (0, 0.6), [np.pi / 3, 0.0], method="DOP853", rtol=1e-13, atol=1e-14, t_eval=run.time
+    )
+    found = np.unwrap(run["crank.angle"].values.ravel())
+    assert np.max(np.abs(found - truth.y[0])) < 1e-8
+    couples = np.array([Newton(*y).couples() for y in truth.y.T])
+    for i, name in enumerate("OABQ"):
+        of_run = run[f"bearings.{i}.torque"].values.ravel()
+        assert np.max(np.abs(of_run - couples[:, i])) < 1e-8 * np.max(np.abs(couples[:, i])), name
+    assert truth.y[0, -1] - np.pi / 3 > 2 * np.pi
+    without = symgen.build(four_bar(coefficient=0)).simulate(t_end=0.6, rtol=1e-13, samples=31)
+    assert np.max(np.abs(np.unwrap(without["crank.angle"].values.ravel()) - truth.y[0])) > 0.1
+
+
+def test_many_runs_a_stepper_and_explicit_methods_are_the_same_run():
+    scene = pendulum()
+    model = symgen.build(
+        symgen.Scene(
+            **(
+                scene.model_dump(exclude_unset=True)
+                | {
+                    "parameters": {"mu": {"value": 0.2, "tunable": True}},
+                    "bearings": [{**BEARING, "coefficient": "mu"}],
+                }
+            )
+        )
+    )
+    alone = {mu: model.with_parameters(mu=mu).simulate(t_end=0.4, step=1e-3, samples=3) for mu in (0.1, 0.3)}
+    both = model.simulate_many({"mu": [0.1, 0.3]}, t_end=0.4, step=1e-3, samples=3)
+    for i, run in enumerate(alone.values()):
+        for name in ("rod.angle", "bearings.0.torque"):
+            assert both[name].values[i] == pytest.approx(run[name].values, abs=1e-13)
+    assert alone[0.1].time[-1] == 0.4
+    assert abs(alone[0.1]["rod.angle"].values[-1] - alone[0.3]["rod.angle"].values[-1]) > 1e-3
+    rk4 = symgen.build(scene).simulate(t_end=0.4, method="rk4", step=1e-4, samples=3)
+    fine = symgen.build(scene).simulate(t_end=0.4, rtol=1e-12, samples=3)
+    assert rk4["rod.angle"].values == pytest.approx(fine["rod.angle"].values, abs=1e-10)
+
+
+def test_a_bearing_without_force_is_no_fault():
+    """A wheel about its centre of mass without gravity: rounding alone is left of the force."""
+    model = symgen.build(
+        symgen.Scene(
+            points={
+                "O": {"at": ["0 m", "0 m"], "ground": True},
+                "A": {"at": ["0.1 m", "0.02 m"]},
+            },
+            links={
+                "wheel": {
+                    "points": ["O", "A"],
+                    "mass": "3 kg",
+                    "centre": ["0 m", "0 m"],
+                    "inertia": "0.01 kg*m^2",
+                }
+            },
+            start={"rates": {"wheel": "30 rad/s"}},
+            analysis={"outputs": ["wheel.angular_velocity", "bearings.0.torque"]},
+            bearings=[BEARING | {"link": "wheel"}],
+        )
+    )
+    run = model.simulate(t_end=1.0, samples=5)
+    assert run["wheel.angular_velocity"].values == pytest.approx(30.0, abs=1e-6)
+    assert np.max(np.abs(run["bearings.0.torque"].values)) < 1e-12
+
+
+def test_a_bearing_that_locks_is_refused():
+    """With the product of coefficient and radius above 2/3 of the length, friction outgrows the force on the pin."""
+    model = symgen.build(pendulum(coefficient=2.5, radius="100 mm"))
+    with pytest.raises(SimulationError, match="friction of bearings is not found from the forces in them"):
+        model.simulate(t_end=3.0)
+    state = model.state({"A": [0.3, 0.0]}, {"A": [0.0, -3.0]})
+    with pytest.raises(ModelError, match="the linkage locks"):
+        model.accelerations(state)
+
+
+@pytest.mark.parametrize("method", ["taylor", "radau5", "newmark", "generalized-alpha", "rattle", "rattle4"])
+def test_methods_without_it_are_refused(method):
+    model = symgen.build(pendulum())
+    options = {"step": 1e-3} if method not in ("taylor", "radau5") else {}
+    with pytest.raises(ModelError, match="friction of bearings"):
+        model.simulate(method=method, t_end=0.1, **options)
+
+
+def test_analyses_without_it_are_refused(tmp_path):
+    model = symgen.build(pendulum())
+    for name in ("linearise", "modes", "sensitivity", "inverse_dynamics"):
+        assert name not in model.capabilities
+        with pytest.raises(CapabilityError, match="friction of its bearings follows from the forces"):
+            getattr(model, name)
+    with pytest.raises(CapabilityError, match="has no export in C: its bearings have friction"):
+        export_c(pendulum(), tmp_path / "c")
+    with pytest.raises(DerivationError, match="momentum rows"):
+        symgen.derive(pendulum(), cut=["rod.O"])
+    with pytest.raises(ModelError, match=r"1e-12 of its size, in float64 alone"):
+        symgen.build(pendulum(), precision="longdouble").simulate(t_end=0.1)
+
+
+def test_at_rest_there_is_no_friction():
+    found = symgen.build(pendulum()).equilibrium()
+    assert found.state.positions["A"] == pytest.approx([0.0, -0.3], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("changes", "where", "what"),
+    [
+        ({"point": "A"}, "[bearings.0] point", "there are: rod"),
+        ({"link": "ghost"}, "[bearings.0] link", "ghost"),
+        ({"point": "P"}, "[bearings.0] point", "P"),
+        ({"coefficient": "-0.1"}, "[bearings.0] coefficient", "at least zero"),
+        ({"radius": "1 s"}, "[bearings.0] radius", "a length"),
+        ({"transition": "0 rad/s"}, "[bearings.0] transition", "above zero"),
+    ],
+)
+def test_scenes_that_are_refused(changes, where, what):
+    with pytest.raises(SceneError) as caught:
+        symgen.build(pendulum(**changes))
+    assert where in str(caught.value) and what in str(caught.value)
+
+
+def test_three_links_on_one_pin_are_refused():
+    scene = four_bar()
+    data = scene.model_dump(exclude_unset=True)
+    data["points"]["D"] = {"at": ["0.3 m", "0.5 m"]}
+    data["links"]["flap"] = {"points": ["B", "D"], "mass": "1 kg"}
+    with pytest.raises(
+        SceneError, match="rocker and coupler alone meet, at B there are: coupler, rocker, flap"
+    ):
+        symgen.build(symgen.Scene(**data))
