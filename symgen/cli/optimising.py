@@ -40,7 +40,14 @@ def optimise(
     from symgen.atomic import writable, write_text
     from symgen.report.sweeps import optimum_study
     from symgen.scene.loading import check_scene, override, read_scene
-    from symgen.study.optima import bounds_of, check_tables, check_units, with_values, written
+    from symgen.study.optima import (
+        bounds_of,
+        check_tables,
+        check_units,
+        check_units_at_start,
+        with_values,
+        written,
+    )
     from symgen.study.sweeps import varied
 
     changed = override(read_scene(scene), changes(set_))
@@ -55,6 +62,7 @@ def optimise(
     model, arguments["variables"], units = varied(
         scene, arguments["variables"], set=changes(set_), backend=backend, table="optimise.variables"
     )
+    check_units_at_start(quantities, model, arguments)
     if isinstance(arguments["objective"], list):
         if write:
             raise ModelError("a Pareto front has many optima: omit --write, or give one objective")

@@ -135,7 +135,10 @@ def means(result: Result, of: Mapping[str, Average]) -> dict[str, tuple[float, f
     """Return mean and root mean square by component, in the units of tables."""
     names = {name: v for v in result.variables for name in (v.name, *v.names)}
     sizes = {name: shown_in(names[name].name, names[name].unit, result.units)[1] for name in of}
-    return {name: (x.mean / sizes[name], x.rms / sizes[name]) for name, x in of.items()}
+    return {
+        name: (0.0 if abs(x.mean) <= x.error else x.mean / sizes[name], x.rms / sizes[name])
+        for name, x in of.items()
+    }
 
 
 def print_work(result: Result, of: Mapping[str, Average], console: Console) -> None:
@@ -154,7 +157,7 @@ def with_averages(result: Any) -> dict[str, Any]:
     for name, of in averages_of(result).items() if isinstance(result, Result) else ():
         works = {"work": of.work, "positive_work": of.positive_work, "negative_work": of.negative_work}
         known = {word: x for word, x in works.items() if x is not None}
-        summary["outputs"][name] |= plain({"mean": of.mean, "rms": of.rms, **known})
+        summary["outputs"][name] |= plain({"mean": of.mean, "mean_error": of.error, "rms": of.rms, **known})
     return summary
 
 

@@ -16,7 +16,8 @@ def print_recorded(result: Result, console: Console) -> None:
     """Print the range of every output of a run, its means over time, and the work of powers."""
     averages = averages_of(result)
     recorded, by_name = Components(result.shown, result.count), means(result, averages)
-    console.print(recorded.extremes("Recorded outputs", result.time, "s", end=True, means=by_name))
+    title = f"Recorded outputs, extremes of {result.count} samples"
+    console.print(recorded.extremes(title, result.time, "s", end=True, means=by_name))
     print_work(result, averages, console)
 
 

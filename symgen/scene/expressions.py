@@ -312,7 +312,10 @@ class _Reader:
         if name == "mod":
             period = _approximate(arguments[1][0])
             if period is None or not period > 0:
-                hint = "Tunable parameters and what varies in time are none."
+                hint = (
+                    "The period is a constant: no tunable parameter, nothing that varies in time. For a "
+                    "tunable period T write mod(t/T, 1)*T in place of mod(t, T)."
+                )
                 raise self.refuse("divides in mod by what is not a number above zero", hint)
         if name in ("abs", "min", "max", "mod"):
             result = dims[0]

@@ -8,8 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from symgen.errors import SceneError
+from symgen.errors import SceneError, SymgenError
 from symgen.runtime.result.records import key_of
+from symgen.runtime.sweeps.problem import ReducedOutput
 from symgen.scene.loading import SceneText, override, read_scene, scene_path
 from symgen.scene.units import OF_ANGLES, is_quantity, parse_quantity, shown_unit, unit_in
 from symgen.study.sweeps import WrittenUnits
@@ -56,6 +57,39 @@ def check_units(texts: Mapping[str, str], units: Mapping[str, str]) -> None:
             raise SceneError(
                 f"expected a quantity in {units[name]}, got {text!r}", where=f"optimise.constraints.{name}"
             )
+
+
+def check_units_at_start(texts: Mapping[str, str], model: Any, arguments: Mapping[str, Any]) -> None:
+    """Check units of bounds as :func:`check_units` by one run, before the optimisation with these arguments.
+
+    Where this run fails, the optimisation says why, or starts elsewhere.
+    """
+    variables: Mapping[str, Any] = arguments["variables"]
+    units = {p.name: p.unit for p in model.description.tunable if p.name in variables}
+    check_units({name: text for name, text in texts.items() if name in units}, units)
+    named = {name: ReducedOutput.named(name, units).output for name in texts if name not in units}
+    if not named:
+        return
+    of_search = (
+        "variables",
+        "objective",
+        "constraints",
+        "method",
+        "seed",
+        "start",
+        "tolerance",
+        "iterations",
+    )
+    same = {name: x for name, x in arguments.items() if name not in (*of_search, "points")}
+    first = next(iter(variables))
+    begin = {first: [arguments.get("start", {}).get(first, model.parameters[first])]}
+    try:
+        runs = model.sweep(begin, outputs=[*dict.fromkeys(named.values())], reduce="final", **same)
+    except SymgenError:
+        return
+    known = {str(name).removesuffix(".final"): x.attrs.get("units", "") for name, x in runs.data_vars.items()}
+    units = {name: known[output] for name, output in named.items() if output in known}
+    check_units({name: text for name, text in texts.items() if name in units}, units)
 
 
 def with_values(

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import symgen
 from symgen.cli import app
 from symgen.errors import ModelError, SceneError, SymgenError
 
@@ -103,6 +104,31 @@ def test_bounds_of_outputs_have_units():
     for text, words in (("10 N", r"expected a quantity in N\*m, got '10 N'"), ("much", "got 'much'")):
         with pytest.raises(SceneError, match=words):
             raise CliRunner().invoke(app, [*arguments, "--set", limits % text]).exception
+
+
+def test_units_of_bounds_are_checked_before_the_optimisation(monkeypatch):
+    """Also those of a front; a bound of a variable itself, too."""
+    calls = []
+    for verb in ("optimise", "pareto"):
+        monkeypatch.setattr(symgen.Model, verb, lambda self, **_: calls.append(self))
+    for objective in ('"stiffness"', '["arm.torque.peak", "stiffness"]'):
+        for name, text in (
+            ("arm.torque.peak", "10 N"),
+            ("arm.torque.rms", "3 microstrain"),
+            ("height", "2 N"),
+        ):
+            limits = f'optimise.constraints={{ "{name}" = {{ greatest = "{text}" }} }}'
+            changes = [
+                "--set",
+                limits,
+                "--set",
+                f"optimise.objective={objective}",
+                "--set",
+                "optimise.samples=5",
+            ]
+            with pytest.raises(SceneError, match=rf"expected a quantity in .*, got '{text}'"):
+                raise CliRunner().invoke(app, ["optimise", EXAMPLE, *changes]).exception
+    assert not calls
 
 
 def test_a_front_has_no_scene(tmp_path):

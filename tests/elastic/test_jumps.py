@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from functools import cache
 
 import numpy as np
@@ -11,9 +12,10 @@ from scipy.linalg import eigh
 from shared.elastic_scenes import AREA, INERTIA, LENGTH, RHO, E, cantilever
 
 import symgen
-from symgen.errors import ModelError
+from symgen.errors import ModelError, SimulationError
 from symgen.runtime.elastic.jumps import jump_times
 from symgen.runtime.integrate.pace import limited
+from symgen.scene.loading import shipped_scene
 
 #: Force [N], when it begins, and how long it lasts [s]: less than a step.
 FORCE, BEGIN, LASTS = 100.0, 0.0123, 1e-5
@@ -337,3 +339,23 @@ def test_recorded_times_may_be_as_near_as_numbers_are(method, precision, tmp_pat
     assert found == pytest.approx(np.repeat(expected, 2), abs=tolerance * np.max(np.abs(expected)))
     adapted = model.simulate(t_eval=near, method=method, rtol=0.1)["tip.displacement"].values[:, 1]
     assert np.all(np.isfinite(adapted)) and np.array_equal(adapted[::2], adapted[1::2])
+
+
+@pytest.mark.parametrize(
+    ("verb", "options"),
+    [
+        ("simulate", {"t_end": 0.05, "samples": 3, "method": "gauss", "steps": 40}),
+        ("large_rotation", {"t_end": 0.05, "samples": 3, "rtol": 1e-2, "elements": 1}),
+        ("kinematics", {"stop": 0.1, "over": "time"}),
+    ],
+)
+def test_a_crank_whose_rate_jumps_by_a_tunable_parameter_ends_a_run(verb, options):
+    """With k = 1 the rate is zero where the law begins again."""
+    written = tomllib.loads(shipped_scene("elastic_slider_crank"))
+    written["parameters"] |= {"T": "0.04 s", "k": {"value": 1.0, "tunable": True}}
+    law = "1.5*((mod(t, T)*(T - mod(t, T))/T**2)**2 + (k - 1)*mod(t, T)*(T - mod(t, T))/T**2)"
+    written["crank"] = {"link": "crank", "angle": law}
+    model = symgen.build(symgen.Scene(**written))
+    getattr(model, verb)(**options)
+    with pytest.raises(SimulationError, match=r"its rate, jumps with mod\(t, 0.04\) .* at t = 0.04 s"):
+        getattr(model.with_parameters(k=1.5), verb)(**options)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ import pytest
 
 import symgen
 from symgen.errors import ModelError, SimulationError
+from symgen.scene.loading import shipped_scene
 
 CASE = (Path(__file__).parents[1] / "cases" / "free_par.toml").read_text()
 INERTIA = 2 * (8e-4 + 1.0 * 0.05**2) + 3.0 * 0.1**2
@@ -149,3 +151,44 @@ def test_branches_are_no_parameters_that_users_change(tmp_path):
     with pytest.raises(ModelError, match="no tunable parameter 'switch_0'. Known: k"):
         model.with_parameters(switch_0=1.0)
     assert [p.name for p in model.description.tunable] == ["k"]
+
+
+MOVED = "way*(1 + t/T)"
+
+
+def moved(law, **values):
+    """The shipped crank against a pump, its shaft moved along its axis."""
+    written = tomllib.loads(shipped_scene("cssp"))
+    numbers = {"way": "1 cm", "T": "0.05 s", "t1": "0.033 s", "k": {"value": 1.0, "tunable": True}}
+    written["parameters"] |= numbers
+    del written["loop"]["free"]["S1"], written["loop"]["drives"]["S1"]
+    written["loop"]["inputs"] = {"S1": law}
+    return symgen.build(symgen.Scene(**written)).with_parameters(**values)
+
+
+@pytest.mark.parametrize(
+    "options", [{"method": "taylor"}, {"method": "dop853"}, {"method": "rk4", "step": 1e-3}]
+)
+def test_steps_end_where_an_input_has_another_piece(options):
+    """Against a run with each of the two pieces, the second from the end of the first."""
+    later = f"{MOVED} + way*max(t - t1, 0*t1)**2/T**2"
+    run = moved(later).simulate(0.1, samples=2, **options)
+    fine = {"method": "dop853", "rtol": 1e-12, "atol": 1e-14, "samples": 2}
+    first = moved(MOVED).simulate(0.033, **fine).final["theta1"]
+    second = moved(f"{MOVED} + way*(t - t1)**2/T**2")
+    begun = second.state({"theta1": first["value"]}, {"theta1": first["rate"]}, t=0.033)
+    expected = second.simulate(0.1, state=begun, **fine).final
+    for name in ("theta1", "S4"):
+        assert run.final[name]["value"] == pytest.approx(expected[name]["value"], abs=3e-9)
+        assert run.final[name]["rate"] == pytest.approx(expected[name]["rate"], abs=3e-7)
+    assert run.notes[-1] == "steps end on 1 switching point (sign(t - 0.033) in the motion of S1)"
+
+
+def test_an_input_whose_rate_jumps_by_a_tunable_parameter_ends_a_run():
+    law = "way*(2 + (mod(t, T)*(T - mod(t, T))/T**2)**2 + (k - 1)*mod(t, T)*(T - mod(t, T))/T**2)"
+    moved(law).simulate(0.1)
+    moved(law, k=1.5).simulate(0.049)
+    with pytest.raises(
+        SimulationError, match=r"or its rate, jumps with mod\(t, 0.05\) in the motion of S1 at t = 0.05 s"
+    ):
+        moved(law, k=1.5).simulate(0.1)

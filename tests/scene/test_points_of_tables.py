@@ -64,6 +64,7 @@ def test_faults_of_a_table_name_its_key(table, message, tmp_path):
         ("k*profile.poly34(t/T)", r"'profile.poly34', which is not a profile(.|\n)*poly345"),
         ("k*profile.poly345(t)", r"expects one plain number(.|\n)*divide the time by a duration"),
         ("law(mod(t, t))", r"divides in mod by what is not a number above zero"),
+        ("law(mod(t, t))", r"For a tunable period T write mod\(t/T, 1\)\*T in place of mod\(t, T\)"),
     ],
 )
 def test_faults_of_a_call_are_named(force, message, tmp_path):

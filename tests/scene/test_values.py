@@ -27,6 +27,7 @@ NAMES = {"a": (A, units.LENGTH), "b": (B, units.LENGTH), "n": (sp.Rational(3), N
         ("-4 in", Fraction(-4 * 254, 10000), "m"),
         ("1 lbf", Fraction(45359237, 10**8) * Fraction(980665, 10**5), "N"),
         ("12", Fraction(12), "1"),
+        ("350 microstrain", Fraction(35, 100000), "1"),
         ("-4/3 ms", Fraction(-4, 3000), "s"),
         ("2/3 1/s", Fraction(2, 3), "1/s"),
         ("3 N*s/m", Fraction(3), "N*s/m"),

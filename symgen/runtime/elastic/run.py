@@ -59,6 +59,7 @@ from symgen.runtime.kernels.typed import build_settings
 from symgen.runtime.result.elastic import SELECTED, ElasticResult, is_stable
 from symgen.runtime.result.recording import of_switches
 from symgen.runtime.result.records import Drift, LazyStatistics, Variable, of_model
+from symgen.runtime.rods.following.jumps import check_rigid_motion
 
 #: Error over its change by halved elements, where it falls with the square of their length: linear stretch.
 HALVED = 4 / 3
@@ -98,6 +99,7 @@ def run(
     if task.method != "quasi-static":
         # Shooting steps over the whole revolution, whatever angles are selected.
         until = max(end, motion.period) if task.method == "periodic" and motion.speed else end
+        check_rigid_motion(motion.rigid, 0.0, until)
         motion = motion.ending_on(jump_times(motion, until, first_steps(motion, task, 1)))
         times = np.concatenate([times, motion.jumps[:, 0]])
     equations = _equations(motion, task)

@@ -111,10 +111,15 @@ class SampledController:
         if t >= t_end:
             return _core.DONE
         try:
-            self._set(t)
+            values = self._asked(t)
         except Exception as error:
             said = str(error) if isinstance(error, SymgenError) else f"{type(error).__name__}: {error}"
             self.error, self.problem = error, f"the controller failed at t = {t:.9g} s: {said}"
+            return _core.ENDED
+        try:
+            self._stepper.set(**values)
+        except SimulationError as error:  # of the motion with these inputs
+            self.error, self.problem = error, str(error)
             return _core.ENDED
         self._times.append(t)
         self._rows.append([*self._stepper.parameters.values()])
@@ -122,7 +127,8 @@ class SampledController:
         run.extend(until if until < t_end - _SAME * self._sample else t_end)
         return _core.MORE
 
-    def _set(self, t: float) -> None:
+    def _asked(self, t: float) -> dict[str, float]:
+        """Return the inputs that the controller asks for, checked."""
         values = self._function(t, self._view)
         known = self._stepper._signals
         if not isinstance(values, Mapping):
@@ -136,7 +142,7 @@ class SampledController:
                 )
             if not is_real(value):
                 raise ModelError(f"expected a finite number for {name}, got {shown(value)}")
-        self._stepper.set(**values)
+        return {name: float(value) for name, value in values.items()}
 
     def finished(self, result: Result, status: int) -> Result:
         """Return the result of a run that ended with this status; raise SimulationError for a failure."""

@@ -103,44 +103,13 @@ def run(
         of = Recording(evaluator, equations, stepper, chosen, wall, library, redundant, given)
         return Result._later(of)
 
-    with KeptOnInterrupt(stepper, recorded):
-        ended = driven(stepper, t0, chosen, progress, keeping, mark, repeated)
-    if isinstance(ended, Result):
-        return ended
-    status, wall = ended
-    result = recorded(wall)
-    if status in (_core.DONE, _core.ENDED):
-        return result
-    raise SimulationError(
-        problem(status, stepper, equations, evaluator, chosen),
-        time=stepper.t,
-        partial=result if stepper.recorded else None,
-    )
+    def cause(status: int) -> str:
+        return problem(status, stepper, equations, evaluator, chosen)
+
+    return carried_out(stepper, t0, chosen, progress, keeping, mark, repeated, recorded, cause)
 
 
-class KeptOnInterrupt:
-    """Raise Interrupted for Ctrl-C, with the samples of a run as ``recorded`` after a wall time [s].
-
-    A context manager as a class: a generator takes longer than a step.
-    """
-
-    __slots__ = ("_begun", "_recorded", "_stepper")
-
-    def __init__(self, stepper: _core.Run, recorded: Callable[[float], Result]) -> None:
-        self._stepper, self._recorded, self._begun = stepper, recorded, perf_counter()
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: type[BaseException] | None, stop: BaseException | None, _: object) -> None:
-        # Interrupted is that of the run that replaces this one.
-        if isinstance(stop, KeyboardInterrupt) and not isinstance(stop, Interrupted):
-            taken = perf_counter() - self._begun
-            partial = self._recorded(taken) if self._stepper.recorded else None
-            raise Interrupted(str(stop), partial) from None
-
-
-def driven(
+def carried_out(
     stepper: _core.Run,
     t0: float,
     chosen: Options,
@@ -148,25 +117,44 @@ def driven(
     keeping: CheckpointOptions | None,
     mark: str,
     repeated: Callable[[Options, CheckpointOptions | None], Result],
-) -> tuple[int, float] | Result:
-    """Advance a run to its end; return its status and wall time, or the result of the run that replaces it.
+    recorded: Callable[[float], Result],
+    cause: Callable[[int], str],
+) -> Result:
+    """Advance a run to its end; return its result, or that of the run that replaces it.
 
     ``mark`` distinguishes its checkpoints from those of other runs. A run by a default method that cannot
     continue, or whose checkpoint is of the other method, is ``repeated`` with ``chosen.otherwise``.
+    ``recorded`` returns the result after a wall time [s], ``cause`` the message for a status.
+
+    Raises
+    ------
+    SimulationError
+        If the run cannot continue, with the samples recorded till then.
+    Interrupted
+        For Ctrl-C, with these samples.
     """
-    checkpoints = None
-    if keeping is not None:
-        try:
-            checkpoints = RunCheckpoints(stepper, mark, keeping)
-        except ResultError:  # it may be of the other method
-            if chosen.otherwise:
-                return repeated(chosen.otherwise, keeping)
-            raise
-    status, wall = drive(stepper, t0, chosen, progress, checkpoints)
-    ended = status in (_core.DONE, _core.ENDED, OUT_OF_TIME, _core.DRIFTED)
-    if chosen.otherwise and not ended and stepper.steps < chosen.max_steps:
-        return repeated(chosen.otherwise, keeping and replace(keeping, resume=None))
-    return status, wall
+    begun, checkpoints = perf_counter(), None
+    try:
+        if keeping is not None:
+            try:
+                checkpoints = RunCheckpoints(stepper, mark, keeping)
+            except ResultError:  # it may be of the other method
+                if chosen.otherwise:
+                    return repeated(chosen.otherwise, keeping)
+                raise
+        status, wall = drive(stepper, t0, chosen, progress, checkpoints)
+        ended = status in (_core.DONE, _core.ENDED, OUT_OF_TIME, _core.DRIFTED)
+        if chosen.otherwise and not ended and stepper.steps < chosen.max_steps:
+            return repeated(chosen.otherwise, keeping and replace(keeping, resume=None))
+    except Interrupted:  # of the run that replaces this one
+        raise
+    except KeyboardInterrupt as stop:
+        partial = recorded(perf_counter() - begun) if stepper.recorded else None
+        raise Interrupted(str(stop), partial) from None
+    result = recorded(wall)
+    if status in (_core.DONE, _core.ENDED):
+        return result
+    raise SimulationError(cause(status), time=stepper.t, partial=result if stepper.recorded else None)
 
 
 def equations_of(

@@ -251,8 +251,9 @@ class Description(Described):
     @property
     def extent(self) -> str:
         """Numbers of coordinates and constraints, in words."""
-        states = f", {len(self.states)} first-order states" * bool(self.states)
-        return f"{self.of_points} coordinates, {len(self.constraints)} constraints{states}"
+        counts = {"coordinate": self.of_points, "constraint": len(self.constraints)}
+        counts |= {"first-order state": len(self.states)} if self.states else {}
+        return ", ".join(f"{n} {word}{'s' * (n != 1)}" for word, n in counts.items())
 
     @property
     def shown_axes(self) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from symgen.errors import ModelError, SimulationError
+from symgen.errors import ModelError
 from symgen.runtime import _core, _loop
 from symgen.runtime.arrays import Array
 from symgen.runtime.closure.mobility import scaled_screws
@@ -18,7 +18,8 @@ from symgen.runtime.integrate.controlled import controlled
 from symgen.runtime.integrate.failures import of_sliding, unfinished, with_cause
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.pace import OUT_OF_TIME, Progress, out_of_time
-from symgen.runtime.integrate.simulate import KeptOnInterrupt, check_end, driven, sample_times, stepper_of
+from symgen.runtime.integrate.prescribed import check_prescribed
+from symgen.runtime.integrate.simulate import carried_out, check_end, sample_times, stepper_of
 from symgen.runtime.integrate.stepper import Stepper
 from symgen.runtime.kernels.typed import library_of_runs
 from symgen.runtime.loop.ball_poles import ball_pole, in_other_angles
@@ -56,6 +57,26 @@ def begun(kernels: LoopKernels, start: LoopStart) -> tuple[_loop.LoopEquations, 
     return equations, np.concatenate([pose.q, rates, [0.0]])
 
 
+def _check_inputs(kernels: LoopKernels, start: float, stop: float) -> None:
+    """Raise SimulationError if an input, or its rate, jumps between two times [s]."""
+    d, scale = kernels.description, kernels.scale[kernels.inputs]
+
+    def sides(k: int, times: Array) -> Array:
+        parameters = np.array(kernels.parameter_values)
+        if is_table := k >= len(d.switches) - d.tables:
+            parameters[len(parameters) - len(d.switches) + k] = _core.WHICH_PIECE
+        rows = np.zeros((len(times), 2 * d.coordinates + 1))
+        work = np.zeros((len(times), kernels.work_size + 1))
+        values = kernels.at(parameters).many("events", times, rows, work)["switches"][:, k]
+        return values if is_table else np.where(values < 0.0, -1.0, 1.0)
+
+    def prescribed(t: float) -> tuple[Array, Array]:
+        values, rates, _ = kernels.prescribed(t).T
+        return values / scale, rates / scale
+
+    check_prescribed(d.switches, sides, [prescribed], start, stop)
+
+
 def run(
     kernels: LoopKernels,
     start: LoopStart,
@@ -77,6 +98,7 @@ def run(
     """
     t0 = start.pose.t
     check_end(t0, chosen)
+    _check_inputs(kernels, t0, chosen.t_end)
 
     def repeated(options: Options, keeping: CheckpointOptions | None) -> Result:
         return run(kernels, start, options, progress, keeping, t_eval)
@@ -91,16 +113,10 @@ def run(
     def recorded(wall: float) -> Result:
         return Result._later(LoopRecording(kernels, equations, stepper, chosen, wall, library))
 
-    with KeptOnInterrupt(stepper, recorded):
-        ended = driven(stepper, t0, chosen, progress, keeping, mark, repeated)
-    if isinstance(ended, Result):
-        return ended
-    status, wall = ended
-    result = recorded(wall)
-    if status == _core.DONE:
-        return result
-    cause = problem(kernels, stepper, chosen, status)
-    raise SimulationError(cause, time=stepper.t, partial=result if stepper.recorded else None)
+    def cause(status: int) -> str:
+        return problem(kernels, stepper, chosen, status)
+
+    return carried_out(stepper, t0, chosen, progress, keeping, mark, repeated, recorded, cause)
 
 
 def rates_at_start(kernels: LoopKernels, begin: Closed) -> Array:

@@ -41,6 +41,8 @@ KRONROD, GAUSS = (np.array([*of, *reversed(of[:-1])]) for of in (_KRONROD, _GAUS
 _PANELS, _MOST_PANELS, _PARTS, _PASSES = 64, 4_000, 8, 12
 #: Part of the largest output of the same unit below which errors are those of this part.
 _FAINT = 1e-6
+#: Growth of the largest value by divided panels, over which values have no bound.
+_GROWS = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,14 +50,16 @@ class Average:
     """Mean and root mean square of an output over the time of a motion, in its unit in SI.
 
     Of a power, ``positive_work`` and ``negative_work`` are the integrals [J] over the times at which it is
-    positive and negative, and ``work`` is their sum; None for other outputs. nan where the integral does not
-    converge, as over a pole.
+    positive and negative, and ``work`` is their sum; None for other outputs. ``error`` is that of the mean,
+    as the quadrature estimates it: of an output that is round-off alone it is as large as the output. nan
+    where the integral does not converge, as over a pole.
     """
 
     mean: float
     rms: float
     positive_work: float | None = None
     negative_work: float | None = None
+    error: float = 0.0
 
     @property
     def work(self) -> float | None:
@@ -103,13 +107,14 @@ def averages(result: Any, rtol: float = RTOL, *, magnitudes: bool = False) -> di
     scales = np.array([{"J": exchanged * duration, "W": exchanged}.get(v.unit, 0.0) for v in known])
     units = np.array([v.unit for v in known])
     try:
-        sums = integrals(integrands, _panels(result, first, last), rtol, units, scales)
+        sums, errors = integrals(integrands, _panels(result, first, last), rtol, units, scales)
     except SimulationError as error:
         raise ResultError(f"the motion has no mean over time: {error}") from error
     by_name = {}
-    for v, (whole, square, positive, _) in zip(known, sums.tolist(), strict=True):
-        work = (positive, whole - positive) if v.unit == "W" else ()
-        by_name[v.name] = Average(whole / duration, float(np.sqrt(square / duration)), *work)
+    missed = np.maximum(errors[:, 0], np.finfo(float).eps * sums[:, 3]) / duration
+    for v, (whole, square, positive, _), by in zip(known, sums.tolist(), missed.tolist(), strict=True):
+        up, down = (positive, whole - positive) if v.unit == "W" else (None, None)
+        by_name[v.name] = Average(whole / duration, float(np.sqrt(square / duration)), up, down, by)
     return by_name
 
 
@@ -150,18 +155,22 @@ def _panels(result: Any, first: float, last: float) -> Array:
 
 def integrals(
     integrands: Callable[[Array], Array], ends: Array, rtol: float, units: Names, scales: Array
-) -> Array:
-    """Return the integrals (outputs, 4) of functions of the time, (outputs, 4, times), over panels.
+) -> tuple[Array, Array]:
+    """Return the integrals (outputs, 4) of functions of the time, (outputs, 4, times), over panels; errors.
 
-    The four are a value, its square, its positive part and its magnitude. Integrals that do not converge
-    are nan. Integrals far below others of their unit, or below ``scales`` (outputs,), are round-off.
+    The four are a value, its square, its positive part and its magnitude. Integrals that do not converge are
+    nan where values grow as panels are divided, as at a pole. Where they do not, as round-off, the error is
+    that of the mean of as many values. Integrals far below others of their unit, or below ``scales``
+    (outputs,), are round-off.
     """
     panels, left = np.stack([ends[:-1], ends[1:]], axis=1), np.zeros((0, 2))
     alike = units[:, None] == units
     kept: list[Array] = []
-    before, passes = np.array(np.inf), 0
+    before, passes, first = np.array(np.inf), 0, np.array(np.inf)
     while True:
-        sums, errors = _rules(integrands, panels)
+        sums, errors, peaks = _rules(integrands, panels)
+        first = peaks if passes == 0 else first
+        grows = ~(peaks <= _GROWS * first)
         if kept:
             sums, errors = (np.concatenate(pair) for pair in zip(kept, (sums, errors), strict=True))
         panels = np.concatenate([left, panels])
@@ -177,14 +186,18 @@ def integrals(
         divided = np.any(large, axis=(1, 2))
         passes += 1
         if not 0 < _PARTS * np.count_nonzero(divided) < _MOST_PANELS or passes == _PASSES:
-            return np.where(error <= allowed, whole, np.nan)
+            lost = ~(error <= allowed) & grows[:, None]
+            return np.where(lost, np.nan, whole), np.where(lost, np.nan, error)
         before, kept, left = error, [sums[~divided], errors[~divided]], panels[~divided]
         edges = np.linspace(panels[divided, 0], panels[divided, 1], _PARTS + 1, axis=1)
         panels = np.stack([edges[:, :-1], edges[:, 1:]], axis=2).reshape(-1, 2)
 
 
-def _rules(integrands: Callable[[Array], Array], panels: Array) -> tuple[Array, Array]:
-    """Return the integrals over panels (panels, outputs, 4) and their errors, as QUADPACK estimates them."""
+def _rules(integrands: Callable[[Array], Array], panels: Array) -> tuple[Array, Array, Array]:
+    """Return the integrals over panels (panels, outputs, 4) and their errors, as QUADPACK estimates them.
+
+    The third are the largest magnitudes (outputs,).
+    """
     half, middle = (panels[:, 1] - panels[:, 0]) / 2, (panels[:, 1] + panels[:, 0]) / 2
     order = np.argsort(middle)
     times = middle[order, None] + half[order, None] * NODES
@@ -197,4 +210,4 @@ def _rules(integrands: Callable[[Array], Array], panels: Array) -> tuple[Array, 
     spread = half * (np.abs(values - (whole / (2 * half))[..., None]) @ KRONROD)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(spread > 0, np.minimum(1.0, (200 * apart / spread) ** 1.5), 0.0)
-    return whole, spread * ratio
+    return whole, spread * ratio, np.max(found[:, 3], axis=-1)

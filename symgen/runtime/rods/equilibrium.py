@@ -266,6 +266,13 @@ def _none(statics: Statics, q: Array, best: Linearised, far: bool) -> Simulation
     pushed = np.linalg.norm(best.unbalanced[: d.of_points].reshape(len(d.free), -1), axis=1)
     order = [int(i) for i in np.argsort(-pushed, kind="stable")[:3] if pushed[i] > 0]
     points = ", ".join(f"{d.free[i]} by {pushed[i]:.3g}{'' if d.rates else ' N'}" for i in order)
+    rates = dict(zip(d.states, best.unbalanced[d.of_points :].tolist(), strict=True))
+    changing = ", ".join(f"{name} at {rate:.3g} per s" for name, rate in rates.items() if rate)
+    if changing and not points:
+        return SimulationError(
+            f"no equilibrium was found from this start: no force is left, but states change, {changing}\n"
+            "  Start from another pose. There may be none: an integral rests only where its rate is zero."
+        )
     if far:
         return SimulationError(
             "there is no equilibrium within reach: nothing holds the linkage, which is still pushed at "
@@ -273,7 +280,7 @@ def _none(statics: Statics, q: Array, best: Linearised, far: bool) -> Simulation
         )
     return SimulationError(
         f"no equilibrium was found from this start: still pushed at {points}"
-        f"{_torque(statics, q, best)}\n"
+        f"{f'; states change, {changing}' if changing else ''}{_torque(statics, q, best)}\n"
         "  Start from another pose. There may be none: a constant torque or force, such as that of a motor, "
         "can exceed all that weights and springs balance."
     )

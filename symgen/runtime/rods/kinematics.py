@@ -21,7 +21,7 @@ from symgen.runtime.rods.assemblies import assemblies
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.following.branch import along_branch
 from symgen.runtime.rods.following.continuation import LONGEST, Curve, CurvePoint
-from symgen.runtime.rods.following.jumps import check_prescribed
+from symgen.runtime.rods.following.jumps import check_drives
 from symgen.runtime.rods.following.singular import TURNING, monotone, singular_poses
 from symgen.runtime.rods.meshing import slips
 from symgen.runtime.rods.poses import Poses, angles_in_loads, counted, references_of
@@ -173,7 +173,7 @@ def follow(
             f"{instants.start:g} to {instants.stop:g} s"
         )
     ends = min(instants.start, t), max(instants.stop, t)
-    check_prescribed(constraints, q, *ends)
+    check_drives(constraints, q, *ends)
     sound = along_branch(constraints, q, t, *ends, np.unique(times))
     if sound is not None and not slips(constraints, sound.poses):
         samples = sound.poses[sound.requested]

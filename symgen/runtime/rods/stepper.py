@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from symgen.runtime import _core
 from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.controlled import controlled
 from symgen.runtime.integrate.failures import problem
@@ -24,23 +25,23 @@ from symgen.runtime.result.state import State, finite
 class LinkageStepper(Stepper):
     """A motion of a linkage or of a user-defined system that advances by calls."""
 
-    def __init__(
-        self,
-        model: Any,
-        chosen: Options,
-        state: State | None,
-        sampled: Callable[[float], Array] | None = None,
-    ) -> None:
-        self._tangent = model.analysis("tangent") if chosen.method.needs_tangent else None
-        self._redundant = model._stored_start().redundant
-        evaluator = model.evaluator
-        self._call = evaluator.call("outputs") if evaluator.find("outputs") else (0, (0, 0, 0, 0, 0, 0))
-        d = model.description
-        angles = {f"{link}.angle": i for i, link in enumerate(d.turns)}
-        info = d.kernel("outputs")
-        blocks = info.blocks if info else ()
-        self._turning = tuple((b.offset, angles[b.name]) for b in blocks if b.name in angles)
-        super().__init__(model, chosen, state, sampled)
+    @cached_property
+    def _redundant(self) -> tuple[int, ...]:
+        redundant: tuple[int, ...] = self._model._stored_start().redundant
+        return redundant
+
+    @cached_property
+    def _call(self) -> tuple[int, _core.Sizes]:
+        """Address and sizes of the kernel of outputs."""
+        evaluator = self._model.evaluator
+        call: tuple[int, _core.Sizes] = (0, (0, 0, 0, 0, 0, 0))
+        return evaluator.call("outputs") if evaluator.find("outputs") else call
+
+    @cached_property
+    def _turning(self) -> tuple[tuple[int, int], ...]:
+        """Places of the outputs that count revolutions, and the numbers of their links."""
+        angles = {f"{link}.angle": i for i, link in enumerate(self._model.description.turns)}
+        return tuple((b.offset, angles[b.name]) for b in self._blocks if b.name in angles)
 
     def _independent(self) -> tuple[str, ...]:
         d = self._model.description
@@ -53,7 +54,8 @@ class LinkageStepper(Stepper):
             if len(state.q) != model.description.coordinates:  # in space, of a linkage in a plane there
                 state = model.state(state.positions, state.velocities, state.t, model._states_of(state))
             (t, y), evaluator = finite(state), model.counting(state).evaluator
-        equations, y0 = equations_of(evaluator, y, self._redundant, self._chosen, tangent=self._tangent)
+        tangent = model.analysis("tangent") if self._chosen.method.needs_tangent else None
+        equations, y0 = equations_of(evaluator, y, self._redundant, self._chosen, tangent=tangent)
         events = evaluator.description.events
         options = {"directions": [e.direction for e in events], "terminal": effects_of(events)}
         return equations, evaluator.equations(len(self._redundant)), t, y0, options

@@ -96,6 +96,8 @@ def with_switches_of_loop(loop: Loop) -> Loop:
         return replace(load, force=force, torque=torque)
 
     def driven(variable: JointVariable) -> JointVariable:
+        where = f"the motion of {variable.name}"
+        variable = replace(variable, motion=switches.with_branches(where, variable.motion))
         if variable.effort is None:
             return variable
         where = f"the drive of {variable.name}"

@@ -143,11 +143,36 @@ def test_an_integral_over_a_pole_has_no_value(power, known):
         y = np.abs(times - 0.3) ** -power
         return np.stack([y, y**2, 0 * y, y])[None]
 
-    sums = quadrature.integrals(integrands, np.array([0.0, 1.0]), 1e-4, np.array(["N"]), np.zeros(1))
+    sums, _ = quadrature.integrals(integrands, np.array([0.0, 1.0]), 1e-4, np.array(["N"]), np.zeros(1))
     assert np.isfinite(sums[0, :2]).tolist() == known
     for x, exponent in zip(sums[0, :2], (power, 2 * power), strict=True) if all(known) else ():
         rest = 1 - exponent
         assert x == pytest.approx((0.3**rest + 0.7**rest) / rest, rel=1e-4)
+
+
+def test_an_output_of_round_off_alone_has_a_mean_of_zero_within_its_error():
+    """The torque of an arm at constant speed is zero; the mean of the reaction is that of 9 N cos(w t)."""
+    model = symgen.build(arm("w*t", outputs=("O.reaction.x", "arm.torque", "arm.power")))
+    for result in (model.simulate(1.0), model.inverse_dynamics(samples=21)):
+        found = result.averages()
+        for name in ("arm.torque", "arm.power"):
+            if name in found:
+                assert abs(found[name].mean) <= found[name].error < 1e-14 and found[name].rms < 1e-14
+        exact = -MASS * ARM * SPEED**2 * math.sin(SPEED) / SPEED
+        assert abs(found["O.reaction.x"].mean - exact) <= 4 * found["O.reaction.x"].error + 1e-15
+        assert 0 < found["O.reaction.x"].error < 1e-9
+
+
+def test_rough_values_have_a_mean_with_an_honest_error():
+    """Values between 0 and 1 without any smoothness: the mean is 1/2, within the error that is stated."""
+
+    def integrands(times):
+        y = np.modf(1e9 * times**2)[0]
+        return np.stack([y, y**2, 0 * y, y])[None]
+
+    sums, errors = quadrature.integrals(integrands, np.linspace(0, 1, 65), 1e-8, np.array(["N"]), np.zeros(1))
+    assert abs(sums[0, 0] - 0.5) <= errors[0, 0] < 0.5
+    assert abs(sums[0, 1] - 1 / 3) <= errors[0, 1]
 
 
 def test_results_without_means_are_refused(tmp_path, swinging):

@@ -350,3 +350,37 @@ def test_derivatives_by_the_start_of_a_state_are_refused():
     slope = model.sensitivity(["v"], ["T"], t_eval=[0.1], coordinates=["P.position.x"]).derivatives[0, 0, 0]
     # v = 1 - e/2 with e = exp(-t/T), whose derivative by T is e t/T^2
     assert slope == pytest.approx(-np.exp(-1) * 0.1 / T**2 / 2, rel=1e-8)
+
+
+def test_a_state_that_never_rests_is_named_with_its_rate():
+    """The integral of a constant beside a pendulum at rest; with a force that nothing balances, both."""
+    scene = {
+        "symgen": 1,
+        "points": {"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["0 m", "-1 m"]}},
+        "links": {"rod": {"points": ["O", "A"], "mass": "1 kg"}},
+        "gravity": {"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
+        "states": {"z": {"start": "0 s", "rate": "3 + 0*rod.angle"}},
+    }
+    model = symgen.build(symgen.Scene(**scene))
+    assert model.mobility[0].startswith("2 coordinates, 1 constraint, 1 first-order state: 1 degree")
+    with pytest.raises(SimulationError, match="no force is left, but states change, z at 3 per s"):
+        model.equilibrium()
+
+
+def test_a_tunable_period_is_that_of_a_remainder_of_one():
+    """The mean of mod(t/T, 1)*T is T/2: a mass of 1 kg from rest under F mod(t/T, 1)."""
+    points = {"O": ["0 m", "0 m"], "X": ["1 m", "0 m"], "A": ["0.5 m", "0 m"]}
+    model = symgen.build(
+        symgen.Scene(
+            parameters={"T": {"value": "0.2 s", "tunable": True}, "F": "2 N/s"},
+            points={name: {"at": at, "ground": name != "A"} for name, at in points.items()},
+            links={"rail": {"points": ["O", "X"]}},
+            masses=[{"point": "A", "mass": "1 kg"}],
+            guides=[{"points": ["A"], "along": "rail"}],
+            forces=[{"point": "A", "force": ["F*mod(t/T, 1)*T", "0 N"]}],
+            analysis={"outputs": ["A.velocity"]},
+        )
+    )
+    for period in (0.2, 0.3):
+        run = model.with_parameters(T=period).simulate(3 * period, samples=2)
+        assert run["A.velocity"].values[-1, 0] == pytest.approx(2 * period * 3 * period / 2, rel=1e-9)

@@ -28,6 +28,7 @@ from symgen.runtime.model.arguments import Refined
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.recording import motion, notes_on_events
 from symgen.runtime.result.records import Coordinate, Drift, LocatedEvent, Variable, of_model
+from symgen.runtime.rods.following.jumps import check_rigid_motion
 from symgen.runtime.rods.model.rods import RodModel
 
 #: Error by time steps over the peak stress of a station, where ``rtol`` is not given.
@@ -121,7 +122,7 @@ def refined_run(
         For options out of range.
     SimulationError
         Where Newton's method does not converge, however short the steps; with the last motion when the wall
-        time is spent.
+        time is spent; where a prescribed motion, or its rate, jumps.
     """
     rtol = real(RTOL if request.rtol is None else request.rtol, "rtol")
     if not 0.0 < rtol < 1.0:
@@ -133,6 +134,7 @@ def refined_run(
         if not real(request.max_step, "max_step") > 0.0:
             raise ModelError(f"expected max_step above zero, got {request.max_step!r}")
         least = max(least, end / request.max_step)
+    check_rigid_motion(of.rigid, 0.0, end)
     times, begun, passes = np.linspace(0.0, end, samples), time.perf_counter(), list[Refinement]()
     record: RefinementCheckpoints | None = None
     if keeping is not None:

@@ -1,73 +1,46 @@
-"""Jumps of prescribed motions over a range of time, where no acceleration takes a linkage further."""
+"""Jumps of the prescribed motions of a linkage over a range of time."""
 
 from __future__ import annotations
 
+from functools import partial
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from symgen.errors import SimulationError
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
-from symgen.runtime.integrate.failures import PRESCRIBED, of_prescribed
+from symgen.runtime.integrate.failures import PRESCRIBED
+from symgen.runtime.integrate.prescribed import check_prescribed
 from symgen.runtime.rods.constraints import Constraints
 
-#: Intervals in which switching points are looked for, at first.
-_LOOKS = 1440
-#: Most switching points that are examined.
-_MOST = 20_000
-#: Jumps of places over the size, and of rates over the largest, that count.
-_PLACE, _RATE = 1e-9, 1e-6
+if TYPE_CHECKING:
+    from symgen.runtime.rods.model.rods import RodModel
+
 #: Poses at which constraints are compared: at some of them a row may not depend on the value that jumps.
 _POSES = 3
 
 
-def check_prescribed(constraints: Constraints, q: Array, start: float, stop: float) -> None:
+def check_rigid_motion(rigid: RodModel, start: float, stop: float) -> None:
+    """Check the linkage under elastic links as :func:`check_drives`."""
+    if any(map(PRESCRIBED.search, rigid.description.switches)):
+        check_drives(rigid.constraints(), rigid.initial_state().q, start, stop)
+
+
+def check_drives(constraints: Constraints, q: Array, start: float, stop: float) -> None:
     """Raise SimulationError if a prescribed motion, or its rate, jumps between two times [s].
 
-    Parameters may move the knots of tables and profiles: the scene was checked for its own values. ``q`` is a
-    pose of the linkage.
+    ``q`` is a pose of the linkage.
     """
-    switches = constraints.description.switches
-    chosen = [k for k, text in enumerate(switches) if PRESCRIBED.search(text)]
-    if not chosen:
+    if not any(map(PRESCRIBED.search, constraints.description.switches)):
         return
-    pairs = {k: _passed(constraints, k, start, stop) for k in chosen}
-    random = np.random.default_rng(0)
-    size = constraints.length(q)
+    random, size = np.random.default_rng(0), constraints.length(q)
+
+    def prescribed(t: float, pose: Array) -> tuple[Array, Array]:
+        return constraints.residual(pose, t) / size, constraints.drift(pose, t) / size
+
     poses = [q + size * random.uniform(-1.0, 1.0, len(q)) for _ in range(_POSES)]
-    for pose in poses:
-        rates = [constraints.drift(pose, t) for t in np.linspace(start, stop, 2 * _POSES).tolist()]
-        sides = {
-            (k, high): [(constraints.residual(pose, t), constraints.drift(pose, t)) for t in (low, high)]
-            for k, found in pairs.items()
-            for low, high in found
-        }
-        rates += [rate for both in sides.values() for _, rate in both]
-        fastest = float(np.max(np.abs(rates), initial=0.0))
-        for (k, t), both in sorted(sides.items(), key=lambda item: item[0][1]):
-            (place, rate), (place_after, rate_after) = both
-            moved = float(np.max(np.abs(place_after - place)))
-            changed = float(np.max(np.abs(rate_after - rate)))
-            if moved > _PLACE * size or changed > _RATE * fastest:
-                raise SimulationError(of_prescribed(switches[k], f"at t = {t:.9g} s"), time=t)
-
-
-def _passed(constraints: Constraints, k: int, start: float, stop: float) -> list[tuple[float, float]]:
-    """Return a time before and one after every passage of a switching point between two times, by halving."""
-    looks = np.arange(_LOOKS + 1)
-    times = np.clip(start + (stop - start) * (looks + 0.4 * np.sin(looks**2.0)) / _LOOKS, start, stop)
-    times[[0, -1]] = start, stop
-    least = 4 * np.spacing(max(abs(start), abs(stop)))
-    sides = _sides(constraints, k, times)
-    low, high, before, after = times[:-1], times[1:], sides[:-1], sides[1:]
-    while True:
-        apart = before != after
-        low, high, before, after = low[apart], high[apart], before[apart], after[apart]
-        if len(low) > _MOST or not np.any(wide := high - low > least):
-            return [*zip(low.tolist(), high.tolist(), strict=True)][:_MOST]
-        middle = np.where(wide, (low + high) / 2, high)
-        at = np.where(wide, _sides(constraints, k, middle), after)
-        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
-        before, after = np.concatenate([before, at]), np.concatenate([at, after])
+    motions = [partial(prescribed, pose=pose) for pose in poses]
+    check_prescribed(constraints.description.switches, partial(_sides, constraints), motions, start, stop)
 
 
 def _sides(constraints: Constraints, k: int, times: Array) -> Array:
