@@ -192,3 +192,7 @@ def test_an_input_whose_rate_jumps_by_a_tunable_parameter_ends_a_run():
         SimulationError, match=r"or its rate, jumps with mod\(t, 0.05\) in the motion of S1 at t = 0.05 s"
     ):
         moved(law, k=1.5).simulate(0.1)
+    with pytest.raises(
+        ModelError, match=r"not available for inputs in pieces: mod\(t, 0.05\) in the motion of S1"
+    ):
+        moved(law).sensitivity(["S4"], ["k"], t_end=0.02)

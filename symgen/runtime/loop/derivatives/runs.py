@@ -39,9 +39,8 @@ def follow(loop: LoopKernels, rank: int, start: State, chosen: Options, times: A
 
     d = loop.description
     if d.switches:
-        raise ModelError(
-            f"derivatives of runs are not available for loads that jump, or inputs in pieces: {d.switches[0]}"
-        )
+        what = "inputs in pieces" if " in the motion of " in d.switches[0] else "loads that jump"
+        raise ModelError(f"derivatives of runs are not available for {what}: {d.switches[0]}")
     if chosen.method.kind not in ("explicit", "taylor"):
         raise ModelError(
             f"derivatives of runs of loops are not available for {chosen.method.name}\n"
