@@ -118,10 +118,21 @@ static real other_branch(struct run *run, long k) {
     return branch + (at[0] != at[0] || at[1] > at[0] ? R(2) : R(-2));
 }
 
+/* A length of time that the rounding of its ends exceeds. */
+static real instant(const struct run *run, real h) {
+    return R(64) * REAL_EPSILON * real_fmax(h, real_fabs(run->state->t));
+}
+
+/* Whether the state is behind a switching point, also an instant later: steps may end so much before it. */
+static int is_behind(struct run *run, long k) {
+    const real t = run->state->t, least = blur(run, k, t, run->y), at = distances(run, t, run->y)[k] * side_of(run, k);
+    return at < -least && distances(run, t + instant(run, scale_of(run)), run->y)[k] * side_of(run, k) < -least;
+}
+
 /* Find other branches again whose arguments jump at a switching point. */
 static void find_again(struct run *run, long point) {
     for (long k = 0; k < run->e->sizes.switches; k++)
-        if (k != point && distances(run, run->state->t, run->y)[k] * side_of(run, k) < -blur(run, k, run->state->t, run->y))
+        if (k != point && is_behind(run, k))
             hold(run, k, found_branch(run, k));
 }
 
@@ -216,11 +227,6 @@ static long first_passed(struct run *run, real t_new, real h, real *theta) {
         }
     }
     return first;
-}
-
-/* A length of time that the rounding of its ends exceeds. */
-static real instant(const struct run *run, real h) {
-    return R(64) * REAL_EPSILON * real_fmax(h, real_fabs(run->state->t));
 }
 
 /* The same by the polynomials of the distances, if these are known. A distance that an instant covers has no sign: the

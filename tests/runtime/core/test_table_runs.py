@@ -444,3 +444,24 @@ def test_an_input_that_changes_as_a_drive_jumps_does_not_hide_the_jump(options):
         SimulationError, match="^the prescribed motion, .* jumps with .* drive of crank at t = 0.4 s"
     ):
         model.simulate(controller=lambda t, view: {"U": math.sin(9 * t)}, sample=0.1, **options)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("period", "shift"), [(1.1, 0.028), (0.7, 0.05), (0.9, 0.3)])
+def test_a_table_of_a_remainder_ends_where_the_remainder_begins_again(period, shift, method):
+    """The argument falls from the last point to the first one, where both have a switching point."""
+    x, y = np.array([0, 0.3, 0.5, 1.1]) * period / 1.1, np.array([1.0, 3.0, -2.0, 1.0])
+    given = {"shift": f"{-shift} s", "P": f"{period} s"}
+    found = turned("law(mod(t + shift, P))", end=2.0, tables=of_points(x, y), method=method, **given)
+    areas = np.append(0, np.cumsum(np.diff(x) * (y[1:] + y[:-1]) / 2))
+
+    def area(t):
+        """The integral of the line through the points from 0 to t, over whole periods and a part of one."""
+        whole, part = divmod(t, period)
+        k = min(int(np.searchsorted(x, part, side="right")) - 1, len(x) - 2)
+        here = y[k] + (y[k + 1] - y[k]) * (part - x[k]) / (x[k + 1] - x[k])
+        return whole * areas[-1] + areas[k] + (part - x[k]) * (y[k] + here) / 2
+
+    assert found == pytest.approx(area(2.0 - shift) - area(-shift), rel=1e-9)
+    wave = turned("N*sign(mod(t + shift, P))", end=2.0, method=method, **given)
+    assert wave == pytest.approx(2.0, rel=1e-9)
