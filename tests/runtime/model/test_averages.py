@@ -218,7 +218,7 @@ def test_the_work_till_an_event_does_not_depend_on_the_samples(samples):
 
 
 def test_motions_without_means_say_why():
-    run = symgen.build("triple_pendulum").simulate(100.0, samples=11)
+    run = symgen.build("triple_pendulum").simulate(300.0, samples=11)
     with pytest.raises(ResultError, match="at most 4000 steps have means"):
         run.averages()
     scene = {
