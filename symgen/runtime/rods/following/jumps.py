@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
@@ -13,15 +13,12 @@ from symgen.runtime.integrate.failures import PRESCRIBED
 from symgen.runtime.integrate.prescribed import check_prescribed
 from symgen.runtime.rods.constraints import Constraints
 
-if TYPE_CHECKING:
-    from symgen.runtime.rods.model.rods import RodModel
-
 #: Poses at which constraints are compared: at some of them a row may not depend on the value that jumps.
 _POSES = 3
 
 
-def check_rigid_motion(rigid: RodModel, start: float, stop: float) -> None:
-    """Check the linkage under elastic links as :func:`check_drives`."""
+def check_rigid_motion(rigid: Any, start: float, stop: float) -> None:
+    """Check the model of the linkage under elastic links as :func:`check_drives`."""
     if any(map(PRESCRIBED.search, rigid.description.switches)):
         check_drives(rigid.constraints(), rigid.initial_state().q, start, stop)
 
