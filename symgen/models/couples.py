@@ -6,6 +6,7 @@ The force in a joint depends on accelerations and multipliers, which depend on t
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import sympy as sp
@@ -67,7 +68,7 @@ def _entries(model: RodsModel, owner: str, law: JointLaw, where: str) -> tuple[s
 
 
 def _check_joint(model: RodsModel, law: JointLaw, where: str) -> None:
-    """Check that the two links, and nothing else, meet at the point."""
+    """Check that the two links, and nothing else, meet at the point: what acts on a pin is not on either."""
     there = [k.name for k in model.parts if law.point in (*k.base, *(c.name for c in k.carried))]
     there += [""] * (law.point in model.ground)
     if sorted(there) != sorted({law.link, law.against}):
@@ -77,5 +78,23 @@ def _check_joint(model: RodsModel, law: JointLaw, where: str) -> None:
             f"{law.point} there are: {names or 'none'}",
             where=f"{where}.point",
             hint="Forces between more than two links on one pin are not determined: join them at points of "
-            "their own.",
+            "their own. A slider is a link with two guided points and the pin between them.",
         )
+    if law.against and (others := list(_others(model, law.point))):
+        raise SceneError(
+            f"expected {law.link} and {law.against} to bear on each other alone at {law.point}, there are "
+            f"also: {', '.join(others)}",
+            where=f"{where}.point",
+            hint="Which of the links carries them is not determined: let them act at a point of their own on "
+            f'that link, such as X = {{ on = "{law.link}", fraction = 0 }}.',
+        )
+
+
+def _others(model: RodsModel, point: str) -> Iterator[str]:
+    """Yield the elements other than links that act at a point."""
+    linkage = model.linkage
+    yield from (f"masses.{i}" for i, mass in enumerate(linkage.masses) if mass.point == point)
+    yield from (f"guide along {guide.along}" for guide in linkage.guides if point in guide.points)
+    for table, i, load in linkage.placed_loads:
+        if any(name == point for m in load.measures(linkage.dimension) for _, name in m.points):
+            yield f"{table}.{i}"

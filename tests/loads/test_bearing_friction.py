@@ -306,3 +306,61 @@ def test_three_links_on_one_pin_are_refused():
         SceneError, match="rocker and coupler alone meet, at B there are: coupler, rocker, flap"
     ):
         symgen.build(symgen.Scene(**data))
+
+
+def pressed(link, against, carrier, **changes):
+    """A slider-crank whose crank pin is pressed with 1 kN; ``carrier`` has the point at which the force acts."""
+    return symgen.Scene(
+        name="pressed_pin",
+        parameters={"w": "10 rad/s"},
+        points={
+            "O": {"at": ["0 m", "0 m"], "ground": True},
+            "A": {"at": ["0.1 m", "0 m"]},
+            "B": {"at": ["0.4 m", "0 m"]},
+            "E": {"at": ["1 m", "0 m"], "ground": True},
+            "X": {"on": carrier, "fraction": 1 if carrier == "crank" else 0},
+        },
+        links={
+            "crank": {"points": ["O", "A"], "mass": "1 kg"},
+            "rod": {"points": ["A", "B"], "mass": "1 kg"},
+            "rail": {"points": ["O", "E"]},
+        },
+        guides=[{"points": ["B"], "along": "rail"}],
+        bearings=[BEARING | {"link": link, "against": against, "point": "A"}],
+        drivers=[{"link": "crank", "angle": "0.5 + w*t"}],
+        analysis={"t_end": "0.1 s", "outputs": ["bearings.0.torque", "crank.torque", "rod.A.force"]},
+        **({"forces": [{"point": "X", "force": ["0 N", "-1000 N"]}]} | changes),
+    )
+
+
+@pytest.mark.parametrize("carrier", ["crank", "rod"])
+def test_friction_does_not_depend_on_the_order_of_links(carrier):
+    """A force on the pin acts on the link that has its point, whichever link the bearing names first."""
+    runs = [
+        symgen.build(pressed(*order, carrier)).simulate() for order in (("rod", "crank"), ("crank", "rod"))
+    ]
+    one, other = ([r[n].values for n in ("bearings.0.torque", "crank.torque", "rod.A.force")] for r in runs)
+    assert np.abs(other[0] + one[0]).max() < 1e-10 * np.abs(one[0]).max()
+    assert np.abs(other[1] - one[1]).max() < 1e-10 * np.abs(one[1]).max()
+    pressing = (
+        np.abs(one[2][:, 1]).min() > 900
+    )  # the rod carries the force through its joint, the crank does not
+    assert pressing == (carrier == "rod")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"forces": [{"point": "A", "force": ["0 N", "-1000 N"]}]},
+        {"masses": [{"point": "A", "mass": "5 kg"}]},
+        {"springs": [{"between": ["O", "A"], "stiffness": "1 kN/m", "length": "0.2 m"}]},
+        {"guides": [{"points": ["A", "B"], "along": "rail"}]},
+    ],
+)
+def test_what_else_acts_on_a_pin_is_refused(changes):
+    (key,) = changes
+    what = "guide along rail" if key == "guides" else rf"{key}\.0"
+    with pytest.raises(SceneError, match=f"to bear on each other alone at A, there are also: {what}"):
+        symgen.build(
+            symgen.Scene(**(pressed("rod", "crank", "rod").model_dump(exclude_unset=True) | changes))
+        )

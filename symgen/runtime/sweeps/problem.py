@@ -185,9 +185,8 @@ class Problem:
         if RECORDED in arrays:
             failed += self._ended_early(arrays)
             along = along_samples(arrays, self.outputs[0])
-            weights = mean_weights(
-                np.broadcast_to(along, (len(points), along.shape[-1])), times_of_samples(arrays)
-            )
+            along = np.broadcast_to(along, (len(points), along.shape[-1]))
+            weights = mean_weights(along, times_of_samples(arrays))
         else:
             weights = np.ones((len(points), 1))  # of the one sample of a pose
         if failed and whole:
@@ -197,6 +196,11 @@ class Problem:
         weights[[i for i, _ in failed]] = np.nan
         samples_by_name = {_WEIGHTS: weights}
         for name in self.outputs:
+            if name not in arrays:  # its components alone are recorded
+                part = next(str(n) for n in arrays.data_vars if str(n).startswith(f"{name}."))
+                raise ModelError(
+                    f"{name} is not recorded, but {part}\n  Record {name}, or name {part}.range."
+                )
             values = np.array(arrays[name].values, dtype=float)
             if RECORDED not in arrays:
                 values = values[:, None]

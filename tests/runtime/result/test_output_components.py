@@ -137,3 +137,12 @@ def test_an_optimisation_and_tolerances_take_a_component():
         {"a4": symgen.Uniform(0.0, 0.1)}, method="worst-case", outputs=["crank.joint2.force.x"], **arguments
     )
     assert spread["output"].values.tolist() == ["crank.joint2.force.x.peak"]
+
+
+def test_a_component_of_a_vector_of_which_one_is_recorded():
+    """The vector itself is not there: the message names the component as an output."""
+    changes = {**SPEED, "analysis.outputs": ["B.position.x", "crank.torque"]}
+    model = symgen.build("crank_rocker", set=changes)
+    bounds = {"B.position.range.x": (0.01, None)}
+    with pytest.raises(ModelError, match=r"B\.position is not recorded, but B\.position\.x"):
+        model.optimise({"speed": (5.0, 7.0)}, "crank.torque.rms", constraints=bounds, samples=19)
