@@ -43,7 +43,7 @@ static void closure(const real *t, const real *q, const real *u, const real *equ
 }
 
 /* dPhi/dq a of the accelerations a. */
-static void gamma(const real *t, const real *q, const real *u, const real *equations, real *work, real *out) {
+static void right_side(const real *t, const real *q, const real *u, const real *equations, real *work, real *out) {
     const struct equations *e = (const void *)equations;
     real *drift = out + e->m, *a = drift + e->m;
     e->kernels.accelerations(t, q, u, e->p, work, a);
@@ -53,7 +53,7 @@ static void gamma(const real *t, const real *q, const real *u, const real *equat
         out[i] -= drift[i];
 }
 
-static const struct kinematic_kernels KERNELS = {.closure = closure, .gamma = gamma};
+static const struct kinematic_kernels KERNELS = {.closure = closure, .gamma = right_side};
 
 static struct kinematic_sizes sizes_of(const struct equations *e) {
     const ptrdiff_t n = e->n, m = e->m;
