@@ -205,5 +205,5 @@ static int valid(const struct run *run) {
 
 const struct kind alpha_kind = {
     "alpha", "", "alpha_m alpha_f beta gamma", 0, bytes, numbers, bind, begin, step, finish, NULL, hermite, accept,
-    valid, NULL, NULL, NULL,
+    valid, NULL, NULL, NULL, NULL,
 };

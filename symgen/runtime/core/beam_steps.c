@@ -457,5 +457,5 @@ static int valid(const struct run *run) {
 
 const struct kind beam_kind = {
     "beam_steps", "stages past", "at gamma beta inertia rate place a aa b ba c", 1, bytes, numbers, bind, begin, step, finish,
-    NULL, hermite, accept, valid, NULL, NULL, NULL,
+    NULL, hermite, accept, valid, NULL, NULL, NULL, NULL,
 };

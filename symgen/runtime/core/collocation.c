@@ -408,5 +408,5 @@ static void interpolate(struct run *run, real h, real theta, real *y) {
 
 const struct kind collocation_kind = {
     "collocation", "stages", "a aa b ba c eigenvalues vectors inverse powers", 1, bytes, numbers, bind, begin, step, finish,
-    NULL, interpolate, NULL, NULL, NULL, NULL, NULL,
+    NULL, interpolate, NULL, NULL, NULL, NULL, NULL, NULL,
 };

@@ -133,5 +133,5 @@ static void interpolate(struct run *run, real h, real theta, real *y) {
 
 const struct kind explicit_kind = {
     "explicit", EXPLICIT_COUNTS, EXPLICIT_ARRAYS, 0, bytes, numbers, bind, begin, step, finish, prepare, interpolate, NULL,
-    NULL, NULL, NULL, NULL,
+    NULL, NULL, NULL, NULL, NULL,
 };

@@ -389,5 +389,5 @@ static int valid(const struct run *run) {
 
 const struct kind radau_kind = {
     "radau", "", "t t_inverse", 0, bytes, numbers, bind, begin, step, finish, NULL, interpolate, accept,
-    valid, NULL, NULL, NULL,
+    valid, NULL, NULL, NULL, NULL,
 };

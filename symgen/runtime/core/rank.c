@@ -58,17 +58,16 @@ static void look_for_passage(struct run *run, real a, real b, real t_new) {
     }
 }
 
-/* Parts of a step at whose ends pivots are evaluated. Steps of power series are at most half of the radius of convergence,
-   those of other methods up to all of it. */
-static int parts_of_step(const struct run *run) {
-    return run->scheme.kind->places ? STEP_PROBES / 2 : STEP_PROBES;
+/* Parts of a step at whose ends pivots are evaluated. */
+static int parts_of_step(const struct run *run, real h) {
+    return run->scheme.kind->parts ? run->scheme.kind->parts(run, h) : STEP_PROBES;
 }
 
 /* Find the least pivots inside the step to t_new. The pivots of a tree do not cancel at all, so there is nothing to
    follow. */
 void look_inside(struct run *run, real t_new) {
-    const int parts = parts_of_step(run);
     struct state *s = run->state;
+    const int parts = parts_of_step(run, t_new - s->t);
     s->t_looked = t_new;
     s->looked = INFINITY;
     if (run->e->m == 0 || (s->sound == 1.0 && run->e->account->soundness == 1.0))
@@ -83,7 +82,7 @@ void look_inside(struct run *run, real t_new) {
    (t_look, at_look). */
 void watch_rank(struct run *run, real t_new, double sound) {
     struct state *s = run->state;
-    const int parts = parts_of_step(run);
+    const int parts = parts_of_step(run, t_new - s->t);
     if (run->e->m == 0 || (s->sound == 1.0 && sound == 1.0))
         return;
     if (s->t_looked != t_new || s->looked == INFINITY)

@@ -339,5 +339,5 @@ static int valid(const struct run *run) {
 
 const struct kind rattle_kind = {
     "rattle", "parts", "side", 1, bytes, numbers, bind, begin, step, finish, prepare, interpolate, NULL,
-    valid, NULL, NULL, NULL,
+    valid, NULL, NULL, NULL, NULL,
 };

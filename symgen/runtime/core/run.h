@@ -106,6 +106,8 @@ struct kind {
     long (*polynomial)(const struct run *run, long i, real h, real *c);
     /* Write the coordinates of `interpolate` alone, a time h after y; NULL: a cubic is near enough. */
     void (*places)(const struct run *run, real h, real *q);
+    /* Parts of a step of length h, STEP_PROBES at most, at whose ends pivots are evaluated; NULL: STEP_PROBES. */
+    int (*parts)(const struct run *run, real h);
 };
 
 

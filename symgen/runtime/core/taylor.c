@@ -271,6 +271,18 @@ static void places(const struct run *run, real h, real *q) {
     places_of_series(&s, h, q);
 }
 
+/* A step is at most half of the radius of convergence, that of other methods up to all of it, so half of their probes do. But
+   a motion may have no such radius, as a rotation at a uniform rate, and a step of it last as long as from one loss of rank to
+   the next: velocities or accelerations then change by more than their size. */
+static int parts(const struct run *run, real h) {
+    const struct series s = series_of(run, *taylor_of(run).present);
+    real sizes[3];
+    for (long k = 0; k < 3; k++)
+        sizes[k] = largest_of(s.rows + (k + 1) * s.row, s.n);
+    const int turns = R(2) * h * sizes[1] > sizes[0] || R(3) * h * sizes[2] > sizes[1];
+    return turns ? STEP_PROBES : STEP_PROBES / 2;
+}
+
 static void accept(struct run *run) {
     long *present = taylor_of(run).present;
     *present = 1 - *present;
@@ -284,5 +296,5 @@ static int valid(const struct run *run) {
 
 const struct kind taylor_kind = {
     "taylor", "order", "", 0, bytes, numbers, bind, begin, step, finish, NULL, interpolate, accept, valid, longest,
-    polynomial, places,
+    polynomial, places, parts,
 };
