@@ -9,7 +9,7 @@ import numpy as np
 from rich.console import Console
 
 from symgen.report.extremes import FEW, Components, averages_of, means, texts, times
-from symgen.report.tables import MODES, table
+from symgen.report.tables import MODES, print_notes, table
 from symgen.runtime.model.compiled import degrees
 from symgen.runtime.result.equilibrium import Equilibrium, Modes
 from symgen.runtime.result.motion import Motion
@@ -96,6 +96,7 @@ def print_equilibrium(equilibrium: Equilibrium, model: Any, console: Console) ->
         ]
         console.print(Components(converted(variables, units), 1).values("Recorded", ("value",)))
     console.print(f"unbalanced {equilibrium.residual:.1e} N of {equilibrium.scale:.3g} N")
+    print_notes(equilibrium.notes, console)
 
 
 def print_modes(analyses: Sequence[Modes], model: Any, console: Console) -> None:
@@ -124,6 +125,7 @@ def print_modes(analyses: Sequence[Modes], model: Any, console: Console) -> None
     numbers = [str(i + 1) for i in range(min(MODES, len(modes)))]
     of = ("Shapes in m/sqrt(kg)", "point") if of_points else ("Shapes", "coordinate")
     console.print(table(f"{of[0]}, for unit modal mass", (of[1], *numbers), shapes))
+    print_notes(modes.equilibrium.notes, console)
 
 
 def _rounded(shape: np.ndarray) -> np.ndarray:

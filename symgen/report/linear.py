@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from symgen.report.tables import table
+from symgen.report.tables import print_notes, table
 from symgen.runtime.linearisation.record import Linearisation, Sensitivity
 from symgen.runtime.model.compiled import degrees
 
@@ -55,6 +55,7 @@ def print_linearisation(linearisation: Linearisation, model: Any, console: Conso
             )
             text += "them, and do not show whether the motion is stable."
         console.print(f"{coordinates} coordinates, {degrees(freedoms)} of freedom: {text}")
+    print_notes(linearisation.notes, console)
 
 
 def _state_of(analysis: Linearisation | Sensitivity, t: float) -> str:
@@ -83,3 +84,4 @@ def print_sensitivity(sensitivity: Sensitivity, model: Any, console: Console) ->
         ]
         title = f"{model.description.title}: derivatives at {_state_of(sensitivity, t)}"
         console.print(table(title, columns, rows, keys=2))
+    print_notes(sensitivity.notes, console)

@@ -207,18 +207,19 @@ def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
 
 
 def _check_used(text: SceneText, data: Mapping[str, Any]) -> None:
-    """Raise SceneError for a parameter that was added, and whose name occurs nowhere in the scene."""
-    known, present = (of.get("parameters") or {} for of in (text.data, data))
-    added = [name for name in present if name not in known] if isinstance(present, dict) else []
-    words = {word for written in _texts(data) for word in _WORD.findall(written)} if added else set()
-    for name in added:
-        if name not in words:
-            raise SceneError(
-                f"nothing uses the new parameter {name!r}",
-                where=f"parameters.{name}",
-                file=text.file,
-                hint=nearest(name, known, f"Write it into another value as well: links.LINK.mass={name}."),
-            )
+    """Raise SceneError for an added parameter or input whose name occurs nowhere in the scene."""
+    for table, use in (("parameters", "links.LINK.mass"), ("inputs", "torques.0.torque")):
+        known, present = (of.get(table) or {} for of in (text.data, data))
+        added = [name for name in present if name not in known] if isinstance(present, dict) else []
+        words = {word for written in _texts(data) for word in _WORD.findall(written)} if added else set()
+        for name in added:
+            if name not in words:
+                raise SceneError(
+                    f"nothing uses the new {table[:-1]} {name!r}",
+                    where=f"{table}.{name}",
+                    file=text.file,
+                    hint=nearest(name, known, f"Write it into another value as well: {use}={name}."),
+                )
 
 
 def _texts(data: Any) -> Iterator[str]:

@@ -146,6 +146,8 @@ def test_a_table_of_parameters_keeps_those_that_it_does_not_name():
         SceneError, match=r"a.toml: \[parameters\] c: nothing uses the new parameter 'c'\n  Write it"
     ):
         override(bare, {"parameters.c": "1 N"})
+    with pytest.raises(SceneError, match=r"a.toml: \[inputs\] c: nothing uses the new input 'c'\n  Write it"):
+        override(bare, {"inputs.c": "1 N"})
     replaced = {"value": "1 kg", "about": "mass"}
     assert override(text_of(scene), {"m": replaced}).data["parameters"]["m"] == replaced
 

@@ -43,6 +43,8 @@ class Linearisation(Shown):
         Degrees of freedom there: fewer than coordinates where constraints or drives couple these.
     at_equilibrium
         Whether that state is an equilibrium that was found as such.
+    notes
+        What limits the matrices: switching points of loads on which the state is.
     """
 
     A: Array
@@ -60,6 +62,7 @@ class Linearisation(Shown):
     rates: Array
     freedoms: int
     at_equilibrium: bool = False
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         where = "an equilibrium" if self.at_equilibrium else f"t = {self.t:g} s"
@@ -102,6 +105,7 @@ class Linearisation(Shown):
             "freedoms": self.freedoms,
             **{name: getattr(self, name).tolist() for name in "ABCD"},
             "poles": [[s.real, s.imag] for s in self.poles.tolist()],
+            "notes": list(self.notes),
         }
 
 
@@ -124,6 +128,8 @@ class Sensitivity(Shown):
         Time [s]; an array (times,) of several.
     at_equilibrium
         Whether the state is an equilibrium, which moves with the parameters.
+    notes
+        What limits the derivatives at a state: switching points of loads on which it is.
     """
 
     derivatives: Array
@@ -133,6 +139,7 @@ class Sensitivity(Shown):
     units: dict[str, str]
     t: float | Array
     at_equilibrium: bool = False
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         last = self.derivatives[-1] if self.derivatives.ndim == 3 else self.derivatives
@@ -162,6 +169,7 @@ class Sensitivity(Shown):
                 }
                 for name, value, slopes in rows
             },
+            "notes": list(self.notes),
         }
 
     def __getitem__(self, names: tuple[str, str]) -> Any:

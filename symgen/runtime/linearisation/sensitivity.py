@@ -18,6 +18,7 @@ from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of, with_outputs
+from symgen.runtime.linearisation.switching import notes_of
 from symgen.runtime.linearisation.tangents import Tangents
 from symgen.runtime.linearisation.vibration import spectrum
 
@@ -219,9 +220,9 @@ def _of_outputs(
     )
     units = {name: slopes.units[name] for name in shown}
     values = np.array([slopes.values[name] for name in shown])
-    return sensitivity_of(
-        tangents.description, units, by, values, derivatives, tangents.state.t, slopes.units
-    )
+    d, t = tangents.description, tangents.state.t
+    found = sensitivity_of(d, units, by, values, derivatives, t, slopes.units)
+    return replace(found, notes=notes_of(tangents))
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,6 +18,7 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.linearisation.record import Linearisation
 from symgen.runtime.linearisation.sensitivity import moved_pose
+from symgen.runtime.linearisation.switching import notes_of
 from symgen.runtime.linearisation.tangents import Tangents
 
 #: Most sets of angles that are tested as independent coordinates.
@@ -107,6 +108,7 @@ def state_space(
         y=y,
         rates=np.concatenate([first, accelerations])[kept],
         freedoms=tangents.free.shape[1] - len(integrals),
+        notes=notes_of(tangents, [*inputs]),
     )
 
 

@@ -320,8 +320,8 @@ class LinkageTangents(Tangents):
         redundant: int,
     ) -> None:
         self.model, d, n = model, model.description, model.description.coordinates
-        self._kernels, self.driven = kernels, d.prescribed
-        self.solution, self.slopes = solution, _slopes(kernels, parameters, state, solution)
+        self.kernels, self.driven = kernels, d.prescribed
+        self.solution, self.slopes = solution, slopes_at(kernels, parameters, state, solution)
         equations = 0.0 - self.slopes.residual[:, 2 * n : 2 * n + len(solution)]
         scale = np.zeros(0)
         if d.constraints:
@@ -331,7 +331,7 @@ class LinkageTangents(Tangents):
 
     def rates_along(self, motion: Array) -> Array:
         """Return the slopes of dPhi/dt, a row each, with the velocities of a motion."""
-        return _slopes(self._kernels, self.parameters, replace(self.state, u=motion), self.solution).rates
+        return slopes_at(self.kernels, self.parameters, replace(self.state, u=motion), self.solution).rates
 
     @property
     def size(self) -> float:
@@ -376,7 +376,7 @@ class LinkageTangents(Tangents):
                 )
 
 
-def _slopes(kernels: Evaluator, parameters: Sequence[str], state: State, solution: Array) -> StateSlopes:
+def slopes_at(kernels: Evaluator, parameters: Sequence[str], state: State, solution: Array) -> StateSlopes:
     """Return the slopes at a state as dense rows."""
     d = kernels.description
     bound = [f"{c}_lambda" for c in d.constraints]

@@ -96,6 +96,8 @@ class Equilibrium(Shown):
         The outputs that the scene selects, at this pose.
     units
         Units of these outputs.
+    notes
+        What limits stability, modes and other derivatives: switching points of loads on which the pose is.
     """
 
     state: State
@@ -108,6 +110,7 @@ class Equilibrium(Shown):
     outputs: dict[str, Array]
     units: dict[str, str]
     linearised: Linearised
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Equilibrium, {self.stability}: state, reactions, outputs; unbalanced {self.residual:.1e} N>"
@@ -125,6 +128,7 @@ class Equilibrium(Shown):
             "multipliers": dict(self.multipliers),
             "reactions": {k: v.tolist() for k, v in self.reactions.items()},
             "outputs": {k: {"unit": self.units[k], "value": v.tolist()} for k, v in self.outputs.items()},
+            "notes": list(self.notes),
         }
 
 

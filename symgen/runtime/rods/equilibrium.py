@@ -8,6 +8,7 @@ from symgen.errors import ModelError, SimulationError
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.linearisation.switching import notes_on_switches
 from symgen.runtime.result.equilibrium import Equilibrium, Linearised
 from symgen.runtime.result.state import reactions_at, state_at
 from symgen.runtime.rods.assemblies import polished
@@ -307,4 +308,5 @@ def describe(statics: Statics, q: Array, linearised: Linearised) -> Equilibrium:
         outputs=outputs,
         units={b.name: b.unit for b in info.blocks} if info else {},
         linearised=linearised,
+        notes=notes_on_switches(evaluator, t, q, rest, linearised.basis),
     )
