@@ -122,5 +122,11 @@ cdef class Rhs:
 
         return low_level(<uintptr_t>&_entry, <uintptr_t><void *>self.equations, self)
 
+    def __reduce__(self):
+        raise TypeError(
+            "a right-hand side cannot be copied or pickled: it has scratch memory in compiled code\n"
+            "  Copy or pickle the model: model.rhs makes another one."
+        )
+
     def __repr__(self):
         return f"<right-hand side of {self.equations.dim // 2} coordinates and their rates>"

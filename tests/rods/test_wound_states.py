@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from shared.in_numpy import build
 
 import symgen
-from symgen.errors import SimulationError
+from symgen.errors import ModelError, SimulationError
 
 DOOR = {
     "points": {"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["1 m", "0 m"]}},
@@ -74,6 +76,36 @@ def test_a_state_by_its_angle_counts_from_the_start(wound, angle):
     second = wound.accelerations(wound.state({"door.angle": angle}))["A"]
     expected = 30.0 * (np.radians(170) - angle)
     assert second == pytest.approx([-expected * np.sin(angle), expected * np.cos(angle)], abs=1e-9)
+
+
+@pytest.mark.parametrize(("angle", "same"), [(4.0, "-2.28319"), (7.0, "0.716815"), (-100.0, "0.530965")])
+def test_a_state_by_an_angle_beyond_half_a_revolution_is_refused_where_springs_count_them(wound, angle, same):
+    text = rf"expected door.angle within half a revolution of its 0 rad at the start, got {angle:g} rad.*\n +{same} "
+    with pytest.raises(ModelError, match=text):
+        wound.state({"door.angle": angle})
+
+
+def test_a_state_takes_the_revolutions_that_it_is_given(wound):
+    """M a = k (free - angle) at 4 rad, of which a pose has -2.28 rad; references are of angle - free."""
+    state = wound.state({"door.angle": 4.0 - 2 * np.pi})
+    given = replace(state, references=np.array([4.0 - np.radians(170)]))
+    second = 30.0 * (np.radians(170) - 4.0)
+    expected = [-second * np.sin(4.0), second * np.cos(4.0)]
+    assert wound.accelerations(given)["A"] == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_state_by_an_angle_without_loads_by_angles_is_a_pose():
+    model = build(symgen.Scene(**{k: v for k, v in DOOR.items() if k != "torsion_springs"}))
+    assert model.state({"door.angle": 7.0}).positions["A"] == pytest.approx([np.cos(7.0), np.sin(7.0)])
+
+
+def test_a_record_says_where_the_right_hand_side_loses_a_revolution(wound):
+    """From -20 rad/s the door passes -10 deg, half a revolution from 170 deg, at the first 0.01 s."""
+    y = [np.concatenate([s.q, s.u]) for s in map(wound.reached, (0.0, 0.005, 0.01, 0.02))]
+    assert -angle_of_door(0.005)[0] < np.radians(10) < -angle_of_door(0.01)[0]
+    notes = wound.record([0.0, 0.005, 0.01, 0.02], y).notes
+    assert "passes half a revolution at t = 0.01 s: model.rhs has no revolutions" in " ".join(notes)
+    assert len(wound.record([0.0, 0.005], y[:2]).notes) == len(notes) - 1
 
 
 def test_a_time_after_the_event_that_ends_the_run_is_refused():

@@ -31,7 +31,8 @@ _SAME = 1e-9
 class MotionView:
     """The present state of a run, for its controller; ``view["pole.angle"]`` is an output of the scene.
 
-    Outputs that depend on inputs are those of the inputs held so far.
+    Outputs that depend on inputs are those of the inputs held so far. It is valid during the call alone:
+    later it shows later states.
     """
 
     __slots__ = ("_of",)
@@ -70,6 +71,11 @@ class MotionView:
     def outputs(self) -> tuple[str, ...]:
         """Names of the outputs of the scene."""
         return self._of.outputs
+
+
+def _scalar(value: Any) -> Any:
+    """Return an array without axes as its number, and anything else as it is."""
+    return value.item() if isinstance(value, np.ndarray) and value.ndim == 0 else value
 
 
 class SampledController:
@@ -134,7 +140,8 @@ class SampledController:
         if not isinstance(values, Mapping):
             example = next(iter(known), "F")
             raise ModelError(f"expected a dict of inputs, such as {{{example!r}: 2.0}}, got {shown(values)}")
-        for name, value in values.items():
+        for name, given in values.items():
+            value = _scalar(given)
             if name not in known:
                 raise ModelError(
                     f"{shown(name)} is no input. Known: {', '.join(known) or 'none'}.\n"
@@ -142,7 +149,7 @@ class SampledController:
                 )
             if not is_real(value):
                 raise ModelError(f"expected a finite number for {name}, got {shown(value)}")
-        return {name: float(value) for name, value in values.items()}
+        return {name: float(_scalar(value)) for name, value in values.items()}
 
     def finished(self, result: Result, status: int) -> Result:
         """Return the result of a run that ended with this status; raise SimulationError for a failure."""

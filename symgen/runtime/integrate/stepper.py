@@ -6,12 +6,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import inf, isfinite
-from typing import Any, Self
+from typing import Any, NoReturn, Self
 
 import numpy as np
 
 from symgen.calls import checked
-from symgen.errors import ModelError, SimulationError, check_known
+from symgen.errors import ModelError, SimulationError, nearest
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.options import Options
@@ -32,6 +32,7 @@ class Stepper(ABC):
     _run: _core.Run
     _equations: Any
     _row: Array | None
+    _given: State | None
 
     def __init__(
         self,
@@ -129,7 +130,8 @@ class Stepper(ABC):
         """
         before = self.__dict__.copy()
         try:
-            self._make(self._first if state is None else state)
+            self._given = self._first if state is None else state
+            self._make(self._given)
             status = self._run.begin()
             if status != _core.MORE:
                 raise SimulationError(self._cause(status), time=self._run.t)
@@ -145,6 +147,17 @@ class Stepper(ABC):
         other._over = self._over
         other._run.continue_as(self._run)
         return other
+
+    __copy__ = copy
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        return self.copy()
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError(
+            "a stepper cannot be pickled: its motion is in compiled code\n"
+            "  Pickle stepper.state, and go on from there by model.stepper(state=...) and set(...)."
+        )
 
     @property
     def t(self) -> float:
@@ -178,17 +191,25 @@ class Stepper(ABC):
         """
         place = self._outputs.get(name) if isinstance(name, str) else None
         if place is None:
-            check_known(str(name), self._outputs, f"{self._model.name} has no output")
+            raise ModelError(
+                f"{self._model.name} has no output {str(name)!r}. {nearest(str(name), self._outputs)}\n"
+                "  Another quantity of the scene is computed if outputs under [analysis] lists it."
+            )
         row = self._row
         if row is None:
             row = self._row = self._evaluated()
-        where, shape = place  # type: ignore[misc]  # unknown names are refused
+        where, shape = place
         return float(row[where]) if shape is None else row[where].reshape(shape).copy()
 
     @property
     @abstractmethod
     def events(self) -> tuple[LocatedEvent, ...]:
         """Events of the scene during the last call of :meth:`step`, in the order of time."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes on the state at which the motion began, as of a run: whether it violates the constraints."""
+        return ()
 
     @property
     def ended(self) -> str | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from threading import Event
 from typing import TYPE_CHECKING, Any
@@ -139,7 +140,7 @@ class Runs:
         analysis = getattr(model, self.analysis)
         if self.analysis in ("kinematics", "inverse_dynamics"):
             analysis = with_common_axis(model, self.analysis)
-        return analysis(**state, **self.arguments)
+        return analysis(**state, **with_own_controller(self.arguments))
 
     def record_of(self, result: Any, keep: Keep) -> KeptSamples:
         """Return the samples of a result that are kept."""
@@ -167,6 +168,24 @@ class Runs:
             return [ended_early(result, ending)] if ending else None
         all_values = self.arguments.get("at") is not None or self.arguments.get("over") == "input"
         return ["" if all_values else ended_early(result, ())]
+
+
+def with_own_controller(arguments: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return arguments of a run with a copy of their controller, whose memory other runs do not change.
+
+    Plain functions are not copied. Raise ModelError for an object that cannot be.
+    """
+    controller = arguments.get("controller")
+    if controller is None:
+        return arguments
+    try:
+        return {**arguments, "controller": deepcopy(controller)}
+    except Exception as error:
+        raise ModelError(
+            "each of many runs takes a copy of the controller as it is before the first, and "
+            f"copy.deepcopy of {shown(controller)} fails: {error}\n"
+            "  Give its class a method __deepcopy__, or carry out single runs."
+        ) from error
 
 
 def carried_out(

@@ -42,6 +42,10 @@ def right_hand_side(begin: State, evaluator: Evaluator, redundant: int, work_of_
     Each ``model.rhs`` has its own scratch memory. Threads of Python may share one, since a call holds the
     GIL; threads that call the compiled function without the GIL need one each.
 
+    It is a function of the state alone, which has no revolutions: angles of torsion springs, and in other
+    loads, are those within half a revolution of the free angle, so that the torque jumps beyond. ``record``
+    adds a note where they pass there.
+
     With ``work_of_loads`` the last unknown is the work of loads without potential [J], if there are any.
 
     Raises
@@ -107,7 +111,23 @@ def recorded(
         drift=_drift(evaluator, times, states),
         final=motion(evaluator, end, states[-1]),
         statistics={"t": end},
-        notes=("drift is that of the recorded times",),
+        notes=("drift is that of the recorded times", *_note_on_turns(evaluator, times, states)),
+    )
+
+
+def _note_on_turns(evaluator: Evaluator, times: Array, states: Array) -> tuple[str, ...]:
+    """Return a note where an angle in a load passes half a revolution: it jumps there."""
+    d = evaluator.description
+    if not d.windings:
+        return ()
+    q, u, _ = np.split(states, [d.coordinates, 2 * d.coordinates], axis=1)
+    angles = evaluator.many_blocks("events", times, q, u)["windings"].reshape(len(times), -1)
+    passed = np.flatnonzero((np.abs(np.diff(angles, axis=0)) > np.pi).any(axis=1))
+    if not len(passed):
+        return ()
+    return (
+        f"an angle of a load or torsion spring passes half a revolution at t = {times[passed[0] + 1]:.9g} s: "
+        "model.rhs has no revolutions, so this motion is wrong from there; model.simulate counts them",
     )
 
 

@@ -147,7 +147,7 @@ class Recording(RunRecording):
         return (
             *self.kernels.description.remarks,
             *([self.controls.note] if self.controls else []),
-            *_of_the_start(self.kernels, self.initial, self.chosen.t_end, self.redundant),
+            *notes_on_start(self.kernels, self.initial, self.chosen.t_end, self.redundant),
             *_of_redundancy(self.kernels, self.stepper, self.redundant),
             *_of_passages(self.kernels, self.stepper),
             *_of_stiffness(self.stepper, self.chosen),
@@ -168,7 +168,7 @@ def located(evaluator: Evaluator, stepper: _core.Run) -> tuple[LocatedEvent, ...
     )
 
 
-def _of_the_start(
+def notes_on_start(
     evaluator: Evaluator, start: State | None, t_end: float, redundant: tuple[int, ...]
 ) -> Iterator[str]:
     """Yield the notes on a given start: it has no revolutions, and is projected onto the constraints."""

@@ -16,7 +16,7 @@ from symgen.runtime.integrate.simulate import effects_of, equations_of
 from symgen.runtime.integrate.stepper import Stepper
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.model.arguments import LinkageRun
-from symgen.runtime.result.recording import Recording, located, nearest_turn, output_rows
+from symgen.runtime.result.recording import Recording, located, nearest_turn, notes_on_start, output_rows
 from symgen.runtime.result.records import LocatedEvent
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State, finite
@@ -51,14 +51,30 @@ class LinkageStepper(Stepper):
         model = self._model
         t, y, evaluator = 0.0, model._stored_start().y, model.evaluator
         if state is not None:
-            if len(state.q) != model.description.coordinates:  # in space, of a linkage in a plane there
-                state = model.state(state.positions, state.velocities, state.t, model._states_of(state))
+            state = self._own(state)
             (t, y), evaluator = finite(state), model.counting(state).evaluator
         tangent = model.analysis("tangent") if self._chosen.method.needs_tangent else None
         equations, y0 = equations_of(evaluator, y, self._redundant, self._chosen, tangent=tangent)
         events = evaluator.description.events
         options = {"directions": [e.direction for e in events], "terminal": effects_of(events)}
         return equations, evaluator.equations(len(self._redundant)), t, y0, options
+
+    def _own(self, state: State) -> State:
+        """Return a state in the coordinates of the model: in space, of a linkage in a plane there."""
+        model = self._model
+        if len(state.q) == model.description.coordinates:
+            return state
+        own: State = model.state(state.positions, state.velocities, state.t, model._states_of(state))
+        return own
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes on the state at which the motion began: revolutions, and violated constraints."""
+        if self._given is None:
+            return ()
+        state = self._own(self._given)
+        end = state.t + self._chosen.t_end
+        return tuple(notes_on_start(self._model.evaluator, state, end, self._redundant))
 
     @property
     def state(self) -> State:

@@ -15,7 +15,7 @@ from symgen.runtime.linearisation.state_space import coordinate_choices
 from symgen.runtime.many.dataset import EARLY, RECORDED, along_samples, times_of_samples
 from symgen.runtime.many.poses import FLOQUET
 from symgen.runtime.many.reductions import REDUCTIONS, mean_weights
-from symgen.runtime.many.runs import FAILURES
+from symgen.runtime.many.runs import FAILURES, with_own_controller
 from symgen.runtime.result.records import in_words
 from symgen.runtime.sweeps.designs import Listed
 from symgen.runtime.sweeps.sweep import OF_A_POSE, sweep_of
@@ -268,7 +268,7 @@ class Problem:
         elif self.analysis in OF_A_POSE:
             each = [self._of_the_pose(changed, flat)]
         else:
-            result = getattr(changed, str(self.analysis))(**self.search.arguments)
+            result = getattr(changed, str(self.analysis))(**with_own_controller(self.search.arguments))
             self.runs += 1
             if result.KIND == "elastic":
                 each = list(result.gradient(flat, names).derivatives)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
@@ -272,6 +274,93 @@ def test_many_runs_take_a_controller(cart):
         cart.simulate(0.3, controller=lambda t, view: {}, sample=0.3, samples=4)["C.position"].values,
         free["C.position"].values,
     )
+
+
+def test_an_input_may_be_an_array_without_axes(cart):
+    runs = [
+        cart.simulate(0.1, controller=lambda t, view, f=f: {"F": f}, sample=0.05, samples=3)[
+            "C.position"
+        ].values
+        for f in (2.0, np.array(2.0))
+    ]
+    assert np.array_equal(*runs)
+
+
+class Integral:
+    """A force that grows with the integral of the distance from the place 1 m, as at the samples of 10 ms."""
+
+    def __init__(self):
+        self.sum = 0.0
+
+    def __call__(self, t, view):
+        self.sum += 0.01 * (1.0 - view["C.position.x"])
+        return {"F": 5.0 * (1.0 - view["C.position.x"]) + 20.0 * self.sum}
+
+
+def weighed(place, integral, t, view):
+    return integral(t, {"C.position.x": view[place]})
+
+
+@pytest.fixture(scope="module")
+def slide():
+    """A mass m on a rail, pushed by F."""
+    return symgen.build(
+        symgen.Scene(
+            parameters={"m": {"value": "1 kg", "tunable": True}},
+            inputs={"F": "0 N"},
+            points={"A": ground(-1, 0), "B": ground(1, 0), "C": at(0, 0)},
+            links={"rail": {"points": ["A", "B"]}},
+            masses=[{"point": "C", "mass": "m"}],
+            guides=[{"points": ["C"], "along": "rail"}],
+            forces=[{"point": "C", "force": ["F", 0]}],
+            gravity={"acceleration": [0, 0]},
+            analysis={"outputs": ["C.position.x"]},
+        )
+    )
+
+
+def ends_of_discrete_runs(masses):
+    """Places after 1 s: under a constant force over a sample, x and v change by closed forms."""
+    places = []
+    for mass in masses:
+        x = v = total = 0.0
+        for _ in range(100):
+            total += 0.01 * (1.0 - x)
+            a = (5.0 * (1.0 - x) + 20.0 * total) / mass
+            x, v = x + 0.01 * v + 0.5e-4 * a, v + 0.01 * a
+        places.append(x)
+    return places
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize(
+    "form", [lambda c: c, lambda c: c.__call__, lambda c: partial(weighed, "C.position.x", c)]
+)
+def test_every_one_of_many_runs_begins_with_the_memory_of_the_controller_given(slide, threads, form):
+    controller, masses = Integral(), [1.0, 1.0, 2.0, 1.0]
+    run = slide.simulate_many(
+        {"m": masses}, t_end=1.0, controller=form(controller), sample=0.01, threads=threads
+    )
+    assert run["C.position.x"].values[:, -1] == pytest.approx(ends_of_discrete_runs(masses), abs=1e-9)
+    assert controller.sum == 0.0
+
+
+def test_sweeps_and_optimisations_give_each_run_a_controller_of_its_own(slide):
+    options = {"analysis": "simulate", "t_end": 1.0, "sample": 0.01}
+    swept = slide.sweep(
+        {"m": [1.0, 1.0, 2.0]}, controller=Integral(), outputs=["C.position.x"], reduce="final", **options
+    )
+    expected = ends_of_discrete_runs([1.0, 1.0, 2.0])
+    assert swept["C.position.x.final"].values == pytest.approx(expected, abs=1e-9)
+    found = slide.optimise({"m": (1.0, 3.0)}, "C.position.x.final", controller=Integral(), **options)
+    assert found.objective == pytest.approx(min(ends_of_discrete_runs(np.linspace(1, 3, 401))), abs=1e-4)
+
+
+def test_a_controller_without_copies_is_refused_by_many_runs(slide):
+    controller = Integral()
+    controller.f = slide.rhs
+    with pytest.raises(ModelError, match=r"copy of the controller .*\n?.*right-hand side cannot be copied"):
+        slide.simulate_many({"m": [1.0]}, t_end=1.0, controller=controller, sample=0.01)
 
 
 # -- coordinates ---------------------------------------------------------------------------------------------------

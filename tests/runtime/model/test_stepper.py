@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 import signal
 from dataclasses import replace
 
@@ -337,6 +339,42 @@ def test_copies_and_readings_change_no_bit(cart):
     assert np.array_equal(again.y, first.y) and again["energy"] == first["energy"]
 
 
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy])
+def test_copies_by_the_module_copy_move_by_themselves(cart, copied):
+    first = cart.stepper(state=tilted(cart))
+    first.step(0.1)
+    before, other = first.y.copy(), copied(first)
+    assert np.array_equal(other.y, before) and other.t == first.t
+    other.set(F=-5.0)
+    other.step(0.1)
+    assert first.t == 0.1 and np.array_equal(first.y, before) and first.parameters["F"] == 0.0
+
+
+def test_a_stepper_notes_the_violation_of_its_start():
+    """A pendulum of L = 1 m from the state of one of r = 0.75 m: (L^2 - r^2)/(2 L) = 0.219 m."""
+    scene = symgen.Scene(
+        parameters={"L": {"value": "1 m", "tunable": True}},
+        points={"O": ground(0, 0), "A": at(1, 0)},
+        links={"OA": {"points": ["O", "A"], "length": "L", "mass": "1 kg"}},
+    )
+    model = symgen.build(scene)
+    stepper = model.stepper(state=model.state({"A": [0.75, 0.0]}))
+    assert "violates the constraints, by 2.2e-01 m" in " ".join(stepper.notes)
+    assert stepper.copy().notes == stepper.notes
+    stepper.reset(model.state({"A": [1.0, 0.0]}))
+    assert stepper.notes == model.stepper().notes == ()
+
+
+def test_an_output_that_the_scene_does_not_list_is_to_be_listed(cart):
+    with pytest.raises(ModelError, match=r"no output 'pole.power'.*\n.*outputs under \[analysis\] lists it"):
+        cart.stepper()["pole.power"]
+
+
+def test_a_stepper_cannot_be_pickled(cart):
+    with pytest.raises(TypeError, match=r"stepper cannot be pickled.*\n.*Pickle stepper.state"):
+        pickle.dumps(cart.stepper())
+
+
 def test_a_reset_returns_to_start_and_parameters(cart):
     stepper = cart.stepper(state=tilted(cart))
     first = stepper.y
@@ -455,10 +493,10 @@ def test_a_loop_passes_poles_of_its_ball_joints():
             if v.name.endswith(("rate", "acceleration", "theta1", "S1")):
                 scale = np.nanmax(np.abs(v.values)) + 1e-6
                 assert stepper[v.name] == pytest.approx(v.values[k], abs=1e-7 * scale, nan_ok=True), v.name
-    for k, copy in enumerate(copies):
+    for k, other in enumerate(copies):
         for _ in range(19 - k):
-            copy.step(end / 20)
-        assert np.array_equal(copy.y, stepper.y)
+            other.step(end / 20)
+        assert np.array_equal(other.y, stepper.y)
 
 
 def test_ctrl_c_ends_a_long_step(cart):

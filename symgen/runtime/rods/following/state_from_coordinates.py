@@ -41,7 +41,8 @@ def placed(
     """Return coordinates [m], velocities [m/s] and references of angles in loads at given coordinates.
 
     The linkage is led from a closed state in steps of the coordinates and of the drives, so that it stays on
-    its assembly branch. Angles are reached by less than half a revolution.
+    its assembly branch. Angles are reached by less than half a revolution; where loads count revolutions,
+    others are refused.
 
     Parameters
     ----------
@@ -70,6 +71,8 @@ def placed(
     size = extent(tangents.model, begin.q)
     scale = np.array([1.0 if name.endswith(".angle") else size for name in names])
     way = _difference(names, target, first)
+    if tangents.model.description.windings:
+        _check_turns(tangents.description.name, names, target, first, way)
     part, step, q = 0.0, _STEP / max(_STEP, float(np.max(np.abs(way / scale), initial=0.0))), begin.q
     before, least, path = drives(begin.t), _LEAST, [(begin.t, q)]
     while part < 1.0:
@@ -108,6 +111,21 @@ def placed(
     poses = Poses(np.array([t for t, _ in path]), np.array([(q, rest, rest) for _, q in path]))
     references = references_of(counted(tangents.model, poses, 0, begin.references)[:, -1])
     return q, u + unit @ (np.array([rates.get(name, 0.0) for name in names]) - moving - rows @ u), references
+
+
+def _check_turns(name: str, names: tuple[str, ...], target: Array, first: Array, way: Array) -> None:
+    """Refuse angles beyond half a revolution, which loads that count revolutions would not see as given.
+
+    Those within half a revolution, such as ``model.coordinates`` returns, are known up to a revolution.
+    """
+    for coordinate, given, begin, change in zip(names, target, first, way, strict=True):
+        if abs(given) > np.pi and abs(given - begin - change) > 1.0:
+            raise ModelError(
+                f"{name}: expected {coordinate} within half a revolution of its {begin:.6g} rad at the "
+                f"start, got {given:.6g} rad: loads by angles and torsion springs count revolutions\n"
+                f"  {begin + change:.6g} rad is that pose without a revolution; model.reached(t) returns "
+                "states with those of a run, and dataclasses.replace(state, references=...) sets others."
+            )
 
 
 def _turned(

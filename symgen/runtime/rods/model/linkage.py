@@ -118,7 +118,8 @@ class LinkageModel(Model):
         changed: :meth:`simulate` projects it onto the constraints, :meth:`accelerations` does not.
 
         Instead of points, both may name independent coordinates as in :meth:`linearise`, such as
-        ``crank.angle`` [rad]: the linkage is moved there from its start, on its assembly branch.
+        ``crank.angle`` [rad]: the linkage is moved there from its start, on its assembly branch, by less than
+        half a revolution of each angle. Where loads count revolutions, angles beyond are refused.
         ``states`` are first-order states by name; omitted ones are those of the start.
 
         Raises

@@ -128,7 +128,7 @@ class RodModel(LinkageModel):
 
     @property
     def rhs(self) -> Rhs:
-        """Right-hand side f(t, y, u) for other solvers: see ``docs/solvers.md``."""
+        """Right-hand side f(t, y, u), without revolutions of torsion springs: see ``docs/solvers.md``."""
         from symgen.runtime.model.rhs import right_hand_side
 
         return right_hand_side(self.initial_state(), self.evaluator, len(self.redundant))
