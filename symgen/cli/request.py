@@ -125,10 +125,11 @@ class CommandRequest:
             raise ModelError("give --xy, or --plot-of and --over, not both")
         stems = [file.stem for file in files or ()]
         from symgen.runtime.model.verbs import accepted
-        from symgen.runtime.result.files import load_result
 
         others = {}
         for file in files or ():
+            from symgen.runtime.result.files import load_result
+
             others[str(file) if stems.count(file.stem) > 1 else file.stem] = load_result(file)
         of, further = self.options.get("of"), verb in _FURTHER
         if self.unknown and not further:

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console, Group
 
 from symgen.errors import ResultError
-from symgen.report.tables import table
 from symgen.runtime.model.averages import Average, averages
 from symgen.runtime.result.records import Variable, columns, plain, shown_in
 from symgen.runtime.result.result import Result
+
+if TYPE_CHECKING:  # output as JSON does without rich
+    from rich.console import Console, Group
 
 Array = NDArray[np.float64]
 
@@ -85,6 +86,8 @@ class Components:
         mark
             Function that returns the suffix of a component's value at an index.
         """
+        from symgen.report.tables import table
+
         head = (
             "output",
             "unit",
@@ -115,6 +118,8 @@ class Components:
         first: Sequence[tuple[str, ...]] = (),
     ) -> Group:
         """Return a table with one column per value; ``first`` are rows before the outputs."""
+        from symgen.report.tables import table
+
         rows = [
             (n, u, *(self.text(x) + mark(n, k) for k, x in enumerate(values))) for n, u, values in self.rows
         ]
@@ -143,6 +148,8 @@ def means(result: Result, of: Mapping[str, Average]) -> dict[str, tuple[float, f
 
 def print_work(result: Result, of: Mapping[str, Average], console: Console) -> None:
     """Print the work of powers, if there are any."""
+    from symgen.report.tables import table
+
     unit, size = result.units.get("J", ("J", 1.0))
     works = [(n, x.work, x.positive_work, x.negative_work) for n, x in of.items() if x.work is not None]
     if works:

@@ -147,7 +147,7 @@ def _panels(result: Any, first: float, last: float) -> Array:
     same = {name: x for name, x in arguments.items() if name not in ("samples", "t_eval", "max_wall")}
     with noted_ends() as ends:
         model.simulate(**same, t_eval=[last])
-    inside = np.unique([t for t in ends if first < t < last])
+    inside = np.array(sorted({float(t) for t in ends if first < t < last}))  # np.unique imports numpy.ma
     if len(inside) > _MOST_PANELS:
         raise ResultError(f"runs of at most {_MOST_PANELS} steps have means, got {len(inside)} steps")
     return np.array([first, *inside, last])
