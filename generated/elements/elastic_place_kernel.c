@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char elastic_place_equations[65] = "aadcd2345aeb87183157a4a15b2da4e4cc63850dab1a9b64575a58fea2ff604c";
+const char elastic_place_equations[65] = "589f9320b179e148cc78bca47f4fab968d79e8380d97b0af186fb0fcb0445975";
 
 /* constants of a link by a unit mass, force, axial force and moment of inertia at x: 0 operations */
 void elastic_place_point(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

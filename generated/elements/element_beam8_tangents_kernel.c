@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_beam8_tangents_equations[65] = "86228af37c85a34a792f0521e0af1571bd07901e71884893ae257cb0c0b93f35";
+const char element_beam8_tangents_equations[65] = "c323c8ed18931a7e8b6b57749de3c3a9e960da10ca45f1ae63755038550c996a";
 
 /* tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 389 operations (122 add, 267 mul, 5 neg) */
 void element_beam8_tangents_mass_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_cubic_equations[65] = "4f72a59e56618be4ee6aa41c7ca7f644511493f3640e92685bf6f5b16cda72dc";
+const char element_cubic_equations[65] = "46a3a55cceba8567ea5fc1fa8774fbb8f0ac0f7b0f022585a2a590975d4a0604";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 78 operations (26 add, 52 mul, 3 neg) */
 void element_cubic_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_cubic_tangents_equations[65] = "0c3d34aba1470bfbdc8774993ec215c03fd0f0ff3af7156a5a8a0fd85a8f5b70";
+const char element_cubic_tangents_equations[65] = "edc35f313c89f353f5602e02429c8185fee94eb9ded8f46c779bbcb8403eec02";
 
 /* tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 207 operations (67 add, 140 mul, 4 neg) */
 void element_cubic_tangents_mass_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_rayleigh_tangents_equations[65] = "5ad17fd026dcfd67425749a40e8c3960ad2778aeb4fe569fd815d33f9b01506d";
+const char element_rayleigh_tangents_equations[65] = "c033d9b132e907078ca3ff49c396839ffe36f50a22ffac400c52f046c0244bfa";
 
 /* tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 849 operations (308 add, 539 mul, 2 div, 12 neg) */
 void element_rayleigh_tangents_mass_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char rigid_element_equations[65] = "a2cd9a83f1c97ee46b3ff7edaa4f77979a246775059ea01e707247d6e76a0791";
+const char rigid_element_equations[65] = "98ea4fd146c96ada0f26d07da6c90a7c6381a7141ea5bdaaedaa7b0ace88df7a";
 
 /* [d] of the forces and moments (F) at both nodes, as they act at the centre of mass: 19 operations (11 add, 8 mul, 6 neg) */
 void rigid_element_nodal_matrix(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char corotational_beam_equations[65] = "5791a3cc8ee3a99a246f36fa2a24a9634bfd2045d51b04df32f692650ba740fd";
+const char corotational_beam_equations[65] = "d504065fbd372c9a2bcf37b23c37f90ebfdc4c3c46512bf9144c3dac052b570b";
 
 /* inertia and internal force less gravity: 549 operations (127 add, 411 mul, 4 div, 18 neg, 7 call) */
 void corotational_beam_residual(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

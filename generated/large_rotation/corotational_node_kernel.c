@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char corotational_node_equations[65] = "5b2f6dbe406d795b342fd972f68b2469046e807a2204d5ff29b5760d7bb0b5bd";
+const char corotational_node_equations[65] = "751afdb66e16c1e4dd9eeb77ecca55644b2e3410c08a7d704e9e1bbc16e33f1f";
 
 /* inertia and internal force less gravity: 7 operations (2 add, 5 mul) */
 void corotational_node_residual(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char direction_equations[65] = "e5d5d98387b33efd785251a079e674b7361908e3e716d9ab946d34a11637b44a";
+const char direction_equations[65] = "f76aa8b72697494b6830101241326be2dc17099d0f92e390db379cdeae97783e";
 
 /* error, rate and slopes of the constraint: 125 operations (38 add, 87 mul) */
 void direction_row(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char direction_tangents_equations[65] = "0fb1e0796b71cb80cd6c43ed8ffd3da2bf7db612985252af1797bdc9c3defae3";
+const char direction_tangents_equations[65] = "6ee97193f7fcbaa9df09796e223c22650419faf50915ec46a718367ba401e8a1";
 
 /* tangent of error, rate and slopes of the constraint: 348 operations (140 add, 208 mul) */
 void direction_tangents_row_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char loop_row_equations[65] = "e955c57fc7210fc18de1273b7150846a8f80e06f9fa7d7e87aa349b9e41652ae";
+const char loop_row_equations[65] = "be0c1f7950326f07be33a564d8f71a606bb8afd4a84561a456aef2ca1a19db8b";
 
 /* axes and origin of the frame behind the row: 28 operations (5 add, 17 mul, 1 neg, 6 call) */
 void loop_row_transform(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

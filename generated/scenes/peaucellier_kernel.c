@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char peaucellier_equations[65] = "3a5f4a8c92323d3d3b48ff4aa93762bc13393031a9ee68b260c8ffac58e4dbd0";
+const char peaucellier_equations[65] = "25566b92d624dacae2c20c098413b3e3c26e75e56a490231973d3aa020658451";
 
 /* One over a pivot, or zero where cancellation left nothing of it. */
 static double guarded_inverse(double pivot, double sound, double tolerance)

@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_function_equations[65] = "b1328be65d6cc8b67a09f244852c95364783d4351347ec57a1154ede5fc7396c";
+const char synthesis_function_equations[65] = "ebe13254fdad8f8d82deb6d5a39622489c7c5c314d355310e9b9915dd8e7ca72";
 
 /* residual and its derivatives: 20 operations (10 add, 4 mul, 2 neg, 6 call) */
 void synthesis_function_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

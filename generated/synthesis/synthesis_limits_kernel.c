@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_limits_equations[65] = "2289b424b56ddaa0ca7f91b39f4fbb93ccbfdfa23e6eca5a1d5472294c00efb1";
+const char synthesis_limits_equations[65] = "c2e3ee304b5febaefdbb07571143d476ffdfdb661c71cb4afb4bdb266d8b7736";
 
 /* residual and its derivatives: 97 operations (42 add, 43 mul, 16 neg, 12 call) */
 void synthesis_limits_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_spherical_dyad_equations[65] = "58b7cbbef048d3c1daecb41a19e981a976f9e584830040e54e01fba18ce2ffbb";
+const char synthesis_spherical_dyad_equations[65] = "3ba0297804c214024a79293bc6f44bf1552e935f5fc0f82299b1a0351e39b3c6";
 
 /* residual and its derivatives: 122 operations (25 add, 87 mul, 10 call) */
 void synthesis_spherical_dyad_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

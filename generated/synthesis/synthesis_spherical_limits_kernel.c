@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_spherical_limits_equations[65] = "3a9c02978c4c51a87164a4fa38d4aff99ccb61174802e4e6cd302b5588bce43c";
+const char synthesis_spherical_limits_equations[65] = "4cf7cbc880476f26bc738403156e34a91b6d9ca64e17bd479385a777baa7c39d";
 
 /* residual and its derivatives: 168 operations (49 add, 89 mul, 18 neg, 30 call) */
 void synthesis_spherical_limits_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -65,8 +65,9 @@ class GroupView:
 class KernelView:
     """A kernel as used by the templates, with every expression as final text.
 
-    In C, ``early`` has the stores that follow each assignment, and ``late`` those behind all of them; of
-    large kernels, ``rolled`` has all statements.
+    ``sizes`` are those of all arrays, of which those ``given`` are read. In C, ``early`` has the stores that
+    follow each assignment, and ``late`` those behind all of them; of large kernels, ``rolled`` has all
+    statements.
     """
 
     name: str
@@ -83,9 +84,8 @@ class KernelView:
     calls: tuple[CallView, ...]
     blocks: tuple[BlockView, ...]
     reads: tuple[ArrayView, ...]
-    reads_work: bool
-    reads_out: bool
-    sizes: tuple[int, int, int, int]
+    given: tuple[str, ...]
+    sizes: tuple[int, ...]
     work_size: int
     out_size: int
     after_setup: bool

@@ -142,6 +142,11 @@ def test_shipped_module_checks_its_arguments():
         module.shape(q=np.zeros(3), u=np.ones(1))
     with pytest.raises(TypeError, match="q is missing"):
         module.shape(u=np.ones(1))
+    with pytest.raises(TypeError, match="expected a one-dimensional array of float64"):
+        module.mass(q=np.ones(20, dtype=int))
+    with pytest.raises(ValueError, match="with gaps"):
+        module.mass(q=np.ones(40)[::2])
+    assert "8 x 8" in module.mass.__doc__ and module.mass.__name__ == "mass"
 
 
 def test_backends_agree_to_the_bit_where_no_function_is_called():
