@@ -18,7 +18,7 @@ from symgen.inspection.view import drawn_scene
 from symgen.pipeline.build import build_selected
 from symgen.report.page.live import Live, Slider
 from symgen.runtime.kernels.description import ParameterInfo
-from symgen.runtime.result.records import converters
+from symgen.runtime.result.records import converters, shown_in
 from symgen.runtime.sweeps.designs import Uniform
 from symgen.scene.loading import SceneText, override
 from symgen.scene.units import parse_quantity
@@ -75,7 +75,8 @@ def live_of(text: SceneText, vary: Mapping[str, str], frames: int) -> Live:
     if "kinematics" not in model.capabilities:
         _check_start(model, sliders)
     keys_by_name, units = {name: key for key, name in names.items()}, converters(d.units)
-    shown = [(slot.name.replace(" ", "."), *units.get(slot.unit, (slot.unit, 1.0))) for slot in code.outputs]
+    outputs = ((slot.name.replace(" ", "."), slot.unit) for slot in code.outputs)
+    shown = [(name, *shown_in(name, unit, units)) for name, unit in outputs]
     module = wasm_of(code, frames)
     sketch, caption = view.computed(resolved, model)
     return Live(

@@ -167,6 +167,9 @@ def test_elastic_links_at_another_speed_are_those_of_symgen(page_of):
     of = drawn_scene(read_scene("elastic_four_bar"))
     model, names = build_selected(of.text, backend="c"), [name for name, _, _ in page.outputs]
     assert {*page.plotted} == {names.index(name) for name in of.plotted} and "crank.torque" in of.plotted
+    units = {name: (unit, size) for name, unit, size in page.outputs}
+    assert units["crank.bending_strain"] == ("microstrain", 1e-6)
+    assert units["crank.stress"] == ("psi", pytest.approx(6894.757, rel=1e-6))
     for speed in (5.3, 9.0, 14.9):
         status, times, rows = code.follow(speed)
         run = model.with_parameters(speed=speed).quasi_static(samples=FRAMES)
