@@ -49,7 +49,7 @@ def loop(model: LoopModel, program: Program, sources: tuple[SourceFile, ...]) ->
             "rates to start with\n  Start at another pose (loop.free), or turn the axes of the rows next to "
             "the ball (theta, alpha)."
         )
-    solved = [*d.having("dependent"), *d.having("free")]
+    solved = d.solved
     equations = kernels.equations(solved, begin.rank)
     start = begin.q if driven else np.concatenate([begin.q, rates_at_start(kernels, begin), [0.0]])
     t_end = kernels.time_of(d.span[1]) if driven else d.t_end

@@ -12,9 +12,10 @@ from symgen.methods import method_of
 if TYPE_CHECKING:
     from symgen.lowering.kernel import Program
     from symgen.models.general.equations import GeneralSystem
-    from symgen.runtime.kernels.description import Description, LoopDescription
+    from symgen.runtime.kernels.description import Description
     from symgen.runtime.kernels.elastic_description import ElasticInfo
     from symgen.runtime.kernels.library import Library
+    from symgen.runtime.kernels.loop_description import LoopDescription
     from symgen.scene.loop.loop import Loop
     from symgen.scene.rods.linkage import Linkage
     from symgen.symbolic.system import System
@@ -140,7 +141,7 @@ def _common(resolved: Linkage | Loop, program: Program, equations: str) -> dict[
 
 def of_loop(loop: Loop, program: Program, equations: str) -> LoopDescription:
     """Return the description of a loop, still without its start."""
-    from symgen.runtime.kernels.description import BallInfo, LoopDescription, VariableInfo
+    from symgen.runtime.kernels.loop_description import BallInfo, LoopDescription, VariableInfo
 
     return LoopDescription(
         **_common(loop, program, equations),
@@ -148,7 +149,7 @@ def of_loop(loop: Loop, program: Program, equations: str) -> LoopDescription:
         links=tuple(row.link for row in loop.rows),
         variables=tuple(
             VariableInfo(
-                name=v.name,
+                name=f"{v.name}.integral" if v.is_state else v.name,
                 unit=v.quantity.unit,
                 row=v.row,
                 role=v.role,
@@ -170,6 +171,7 @@ def of_loop(loop: Loop, program: Program, equations: str) -> LoopDescription:
         switches=tuple(s.text for s in loop.switches),
         tables=sum(s.pieces for s in loop.switches),
         inputs=tuple(p.quantity.name for p in loop.parameters if p.input),
+        states={v.name: v.rate.unit for v in loop.having("state")},
     )
 
 

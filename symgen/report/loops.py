@@ -71,5 +71,6 @@ def print_assemblies(modes: AssemblyModes[Mapping[str, float]], model: Any, cons
     variables = [
         Variable(v.name, v.unit, "", (), np.array([pose[v.name] for pose in modes]))
         for v in model.description.variables
+        if v.role != "state"
     ]
     print_modes_of_assembly(variables, modes, model, console)

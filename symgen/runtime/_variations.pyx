@@ -16,7 +16,7 @@ from symgen.runtime._headers cimport (
 
 if TYPE_CHECKING:
     from symgen.runtime.integrate.integrators.method import Integrator
-    from symgen.runtime.kernels.description import LoopDescription
+    from symgen.runtime.kernels.loop_description import LoopDescription
     from symgen.runtime.kernels.evaluate import Evaluator
     from symgen.runtime.kernels.library import Library
 

@@ -44,8 +44,8 @@ FORMAT_VERSION = 1
 
 #: Tables that every scene may have; all others are of points and links, or of a loop.
 _SHARED = {
-    "symgen", "title", "about", "units", "parameters", "inputs", "tables", "gravity", "analysis", "sweep",
-    "optimise",
+    "symgen", "title", "about", "units", "parameters", "inputs", "states", "tables", "gravity", "analysis",
+    "sweep", "optimise",
 }  # fmt: skip
 
 

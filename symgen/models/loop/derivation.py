@@ -143,7 +143,7 @@ class LoopDerivation:
     def inverse_efforts(self) -> list[sp.Expr]:
         """What motion and loads alone ask of every variable: all but the closing wrench."""
         _, efforts = joint_wrenches(self.rows, self.net, NOTHING, self.names, "own_")
-        return self._by_variable(efforts)
+        return self._by_variable(efforts, self.second)
 
     @cached_property
     def joints(self) -> tuple[list[DualVector], list[sp.Expr]]:
@@ -151,10 +151,13 @@ class LoopDerivation:
         fx, fy, fz, mx, my, mz = (x.symbol for x in self.closing)
         last = DualVector((fx, fy, fz), (mx, my, mz))
         wrenches, efforts = joint_wrenches(self.rows, self.net, last, self.names, "")
-        return wrenches, self._by_variable(efforts)
+        return wrenches, self._by_variable(efforts, self.second)
 
-    def _by_variable(self, efforts: list[list[sp.Expr]]) -> list[sp.Expr]:
-        terms: list[list[sp.Expr]] = [[] for _ in self.variables]
+    def _by_variable(self, efforts: list[list[sp.Expr]], second: Sequence[sp.Expr]) -> list[sp.Expr]:
+        """Return the efforts of all variables: by rows those of joints, of states of mass 1 their rates."""
+        terms: list[list[sp.Expr]] = [
+            [a] if v.is_state else [] for v, a in zip(self.variables, second, strict=True)
+        ]
         for row, effort in zip(self.rows, efforts, strict=True):
             for m, value in zip(row, effort, strict=True):
                 for j, slope in m.slopes:
@@ -205,7 +208,7 @@ class LoopDerivation:
                 for k in range(1, len(self.links) + 1)
             ]
             _, efforts = joint_wrenches(self.rows, net, NOTHING, self.names, f"{v.name}_")
-            columns.append(self._by_variable(efforts))
+            columns.append(self._by_variable(efforts, unit))
         return [list(row) for row in zip(*columns, strict=True)]
 
     @cached_property
@@ -236,7 +239,8 @@ class LoopDerivation:
         """Power of drives and of the loads, without that of gravity [W]."""
         _, powers = self.joints
         efforts = [e if v.effort is None else v.effort for v, e in zip(self.variables, powers, strict=True)]
-        terms = [e * u for e, u in zip(efforts, self.rates, strict=True)]
+        given = zip(self.variables, efforts, self.rates, strict=True)
+        terms = [e * u for v, e, u in given if not v.is_state]
         terms += [self.load(x).dot(self.velocity(x.row + 1)).dual for x in self.loop.loads]
         return sp.Add(*terms)
 

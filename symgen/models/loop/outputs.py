@@ -15,6 +15,7 @@ from symgen.symbolic.vectors import cross
 
 if TYPE_CHECKING:
     from symgen.models.loop.derivation import LoopDerivation
+    from symgen.scene.loop.loop import JointVariable
 
 
 def _of(quantity: Quantity) -> Entries:
@@ -160,6 +161,19 @@ OF_THE_WHOLE: dict[str, Callable[[LoopDerivation], Entries]] = {
         "moment of the loop on the ground about the origin of {1}",
     ),
 }
+#: Outputs of a first-order state by word.
+OF_STATES: dict[str, Callable[[LoopDerivation, int], Entries]] = {
+    "": lambda model, j: _of(model.variables[j].rate),
+    "rate": lambda model, j: _of(model.variables[j].acceleration),
+    "integral": lambda model, j: _of(model.variables[j].quantity),
+}
+
+
+def words_of(variable: JointVariable) -> dict[str, Callable[[LoopDerivation, int], Entries]]:
+    """Return the outputs of a joint variable, or of a first-order state, by word."""
+    return OF_STATES if variable.is_state else OF_VARIABLES
+
+
 #: Other words for outputs of a variable.
 INSTEAD = {"speed": "rate", "velocity": "rate", "torque": "drive", "force": "drive"}
 #: Words that hold masses, and those that hold the closing wrench, so the forces of the loop.
@@ -205,7 +219,7 @@ def sources_of(model: LoopDerivation) -> Iterator[tuple[str, str]]:
             yield v.name + word, origin.format(v.name)
 
 
-#: Equations of the motion of variables, by their role and the word of the output.
+#: Equations of the motion of variables and states, by their role and the word of the output.
 _ORIGINS = {
     "input": {
         word: f"row {{}}, column {column} of inputs"
@@ -221,14 +235,21 @@ _ORIGINS = {
         ".rate": "integral of {0}.acceleration",
         ".acceleration": "solution of inverse_efforts = given_efforts along motions of the closed loop",
     },
+    "state": {
+        "": "integral of {0}.rate",
+        ".rate": "row {0} of given_efforts",
+        ".integral": "integral of {0}",
+    },
 }
 
 
 def default(model: LoopDerivation) -> list[str]:
     """Return the outputs of a scene without a list: all motions, and all forces where there are any."""
-    names = [f"{v.name}{word}" for v in model.variables for word in ("", ".rate", ".acceleration")]
+    joints = [v for v in model.variables if not v.is_state]
+    names = [f"{v.name}{word}" for v in joints for word in ("", ".rate", ".acceleration")]
+    names += [f"{v.name}{word}" for v in model.variables if v.is_state for word in ("", ".rate")]
     if model.has_dynamics:
-        names += [f"{v.name}.drive" for v in model.variables if v.effort is None or v.effort != 0]
+        names += [f"{v.name}.drive" for v in joints if v.effort is None or v.effort != 0]
         links = [*model.links, model.loop.rows[-1].link]
         names += [f"{link}.joint{k}.{word}" for k, link in enumerate(links, 1) for word in WRENCHES]
     return names
@@ -247,18 +268,19 @@ def _entries(model: LoopDerivation, name: str) -> Entries:
         return OF_THE_WHOLE[name](model)
     owner, _, word = name.partition(".")
     variable = model.variable(owner)
-    if variable is not None and word in OF_VARIABLES:
-        return OF_VARIABLES[word](model, variable)
+    of_variable = {} if variable is None else words_of(model.variables[variable])
+    if variable is not None and word in of_variable:
+        return of_variable[word](model, variable)
     if owner in model.links and word in OF_LINKS:
         return OF_LINKS[word](model, model.links.index(owner) + 1)
-    if variable is not None and word in INSTEAD:
+    if INSTEAD.get(word) in of_variable:
         raise SceneError(f"there is no output {name!r}", hint=f"Record {owner}.{INSTEAD[word]}.")
     joint, _, word = word.partition(".")
     sides = _sides(model)
     if (owner, joint) in sides and word in OF_JOINTS:
         return OF_JOINTS[word](model, *sides[owner, joint], owner)
     known = [*OF_THE_WHOLE]
-    known += [f"{v.name}.{w}".rstrip(".") for v in model.variables for w in OF_VARIABLES]
+    known += [f"{v.name}.{w}".rstrip(".") for v in model.variables for w in words_of(v)]
     known += [f"{k}.{w}" for k in model.links for w in OF_LINKS]
     known += [f"{link}.{joint}.{w}" for link, joint in sides for w in OF_JOINTS]
     raise SceneError(f"there is no output {name!r}", hint=nearest(name, known))

@@ -14,7 +14,7 @@ from symgen.scene.rods.run_parameters import Parameter
 from symgen.symbolic.quantity import quantity
 from symgen.symbolic.system import System
 
-_ROLES = {"input": "prescribed", "free": "free", "dependent": "to be found"}
+_ROLES = {"input": "prescribed", "free": "free", "dependent": "to be found", "state": "first-order states"}
 
 
 def loop_structure(loop: Loop, system: System) -> Iterator[str]:

@@ -21,6 +21,8 @@ _FRAME = ("ix jx kx px", "iy jy ky py", "iz jz kz pz")
 _SCREW = ("wx", "wy", "wz", "vx", "vy", "vz")
 _MOMENTUM = ("px", "py", "pz", "hx", "hy", "hz")
 _WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
+#: Tables of the scene that name variables, by their role.
+_TABLES = {"input": "loop.inputs", "free": "loop.free", "dependent": "loop.inputs", "state": "states"}
 
 
 def loop_system(loop: Loop) -> System:
@@ -80,7 +82,7 @@ def _check_names(model: LoopDerivation, derived: set[str]) -> None:
         if v.name in derived:
             raise SceneError(
                 f"{v.name!r} is reserved for a quantity of the loop",
-                where=f"loop.{'free' if v.role == 'free' else 'inputs'}.{v.name}",
+                where=f"{_TABLES[v.role]}.{v.name}",
                 hint="Choose another name for this variable.",
             )
 
@@ -181,7 +183,7 @@ def _switches(loop: Loop) -> NamedMatrix | None:
 def _dynamics(model: LoopDerivation, free: bool) -> tuple[list[NamedMatrix], list[Export]]:
     """Return efforts, energies and, for free variables, the mass matrix, with their kernels."""
     names = [v.name for v in model.variables]
-    unit = ", ".join(dict.fromkeys("N*m" if v.quantity.unit == "rad" else "N" for v in model.variables))
+    unit = ", ".join(dict.fromkeys(v.unit_of_effort for v in model.variables))
     matrices = [
         named(
             "inverse_efforts",
@@ -264,6 +266,7 @@ def _steps(model: LoopDerivation, mass: bool) -> list[NamedMatrix]:
             DUAL,
         )
         for j, v in enumerate(model.variables)
+        if not v.is_state
     ]
     steps += [*_step_of_closure(model), *_closure_of_velocities(model)]
     for k, link in enumerate(model.links, 1):

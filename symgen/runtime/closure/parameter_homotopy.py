@@ -23,23 +23,31 @@ _MOST = 10_000
 
 
 def state_at(
-    kernels: LoopKernels, begin: Closed, values: Mapping[str, float], rates: Mapping[str, float], t: float
+    kernels: LoopKernels,
+    begin: Closed,
+    values: Mapping[str, float] | None,
+    rates: Mapping[str, float] | None,
+    states: Mapping[str, float] | None,
+    t: float,
 ) -> tuple[float, Array, Array]:
     """Return time, variables and rates of a closed state: see :meth:`LoopModel.state`."""
     d = kernels.description
     names = [v.name for v in d.variables]
-    for requested, roles in ((values, ("free", "dependent")), (rates, ("free",))):
-        allowed = [names[i] for i in d.having(*roles)]
+    values, rates, states = values or {}, rates or {}, states or {}
+    for requested, roles in ((values, ("free", "dependent")), (rates, ("free",)), (states, ())):
+        allowed = [names[i] for i in d.having(*roles)] if roles else [*d.states]
+        noun = f"{' or '.join(roles)} variable" if roles else "state"
         for name, value in requested.items():
             if name not in allowed:
-                raise ModelError(
-                    f"there is no {' or '.join(roles)} variable {name!r}. {nearest(name, allowed)}"
-                )
+                known = nearest(name, allowed) if allowed else "The scene has none."
+                raise ModelError(f"there is no {noun} {name!r}. {known}")
             if not np.isfinite(value):
                 raise ModelError(f"expected a finite number for {name}, got {value!r}")
     if not np.isfinite(t):
         raise ModelError(f"expected a finite time of the state, got {t!r}")
     target, prescribed = begin.q.copy(), np.zeros(d.coordinates)
+    for i, name in zip(d.having("state"), d.states, strict=True):
+        prescribed[i] = states.get(name, d.variables[i].start_rate)
     for into, requested in ((target, values), (prescribed, rates)):
         for name, value in requested.items():
             into[names.index(name)] = value

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import ClassVar
 
 from symgen.runtime.kernels.elastic_description import ElasticInfo
-from symgen.runtime.kernels.places import key_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,9 +114,14 @@ class Described(ABC):
         return f"{self.coordinates} coordinates"
 
     @property
+    def states(self) -> Mapping[str, str]:
+        """The first-order states, with their units."""
+        return {}
+
+    @property
     def integrals(self) -> list[str]:
         """Names of the outputs that are integrals of first-order states."""
-        return []
+        return [f"{name}.integral" for name in self.states]
 
     @property
     def held(self) -> int:
@@ -269,11 +272,6 @@ class Description(Described):
         return [*names, *map(of_state.format, self.states)]
 
     @property
-    def integrals(self) -> list[str]:
-        """Names of the outputs that are integrals of states."""
-        return [f"{name}.integral" for name in self.states]
-
-    @property
     def coordinate_outputs(self) -> list[str]:
         """Names of the outputs that are the coordinates."""
         if self.rates:
@@ -298,103 +296,19 @@ class Description(Described):
 
     def place(self, constraint: int) -> str:
         """Return the key of the scene that makes a constraint."""
-        return key_of(self.constraints[constraint], self.labels[constraint], self.driver)
+        label = self.labels[constraint]
+        last = label.rpartition(" ")[2]
+        if label.startswith("the drive "):
+            return self.driver(last)
+        if " link " in label:
+            return f"links.{last}" if label.startswith("the length ") else f"links.{last}.points"
+        if label.startswith("the guide "):
+            return f"guides.{self.constraints[constraint].split('_')[1]}"
+        if label.startswith("the rigid joint "):  # of a point off an elastic link
+            return f"points.{last}"
+        return "welds" if label.startswith("the weld ") else "joints"
 
     def driver(self, link: str) -> str:
         """Return the key of the scene that drives a link."""
         driven = [self.constraints[i] for i in self.drives].index(f"{link}_drive")
         return "crank" if self.elastic and self.elastic.crank == link else f"drivers.{driven}"
-
-
-@dataclass(frozen=True, slots=True)
-class VariableInfo:
-    """A joint variable of a loop: see :class:`symgen.scene.loop.loop.JointVariable`.
-
-    ``unit`` is ``rad`` or ``m``; ``unknown``: the effort of its drive is an unknown. ``start`` is the first
-    guess of a dependent variable; ``guessed``: the scene prescribes that guess.
-    """
-
-    name: str
-    unit: str
-    row: int
-    role: str
-    unknown: bool
-    start: float
-    start_rate: float
-    guessed: bool = False
-
-    @property
-    def is_length(self) -> bool:
-        """Whether it is a displacement."""
-        return self.unit == "m"
-
-
-@dataclass(frozen=True, slots=True)
-class BallInfo:
-    """A ball joint whose angles runs write otherwise near their pole.
-
-    ``row`` is its row, counted from 0, and ``angles`` are the numbers of the variables theta, eta and alpha.
-    Where alpha is constant its number is -1, and the next ball takes over the idle spin.
-    """
-
-    row: int
-    angles: tuple[int, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class LoopDescription(Described):
-    """Runtime data of a closed loop.
-
-    ``joints`` and ``links`` name each row of the table. ``span`` is the range of the first input, empty where
-    variables are free; ``lead`` is the name of that input, the first written in the scene, empty where there
-    is none. ``start`` are the variables at the start, at the scene's own parameters, ``rank`` is the rank
-    of the screws of the dependent variables. ``begin`` is the value of the first input at the start: the
-    beginning of the range, or the first value of it at which the loop closes. ``assembly_tolerance`` is the
-    defect of closure [m], of rotations times the size of the loop, that dependent equations may leave.
-    ``inputs`` are the parameters that are external signals, the last of the tunable ones. The turns in front
-    of ``balls`` and the branches of ``switches`` are the last parameters. ``tables``,
-    ``series_rows`` and ``series_watched`` are those of :class:`Description`.
-    """
-
-    method: ClassVar[str] = "loop"
-    joints: tuple[str, ...]
-    links: tuple[str, ...]
-    variables: tuple[VariableInfo, ...]
-    span: tuple[float, ...]
-    lead: str
-    t_end: float
-    size: float
-    start: tuple[float, ...]
-    rank: int
-    begin: float = 0.0
-    assembly_tolerance: float = 0.0
-    balls: tuple[BallInfo, ...] = ()
-    switches: tuple[str, ...] = ()
-    tables: int = 0
-    inputs: tuple[str, ...] = ()
-    series_rows: int = 0
-    series_watched: int = 0
-
-    @property
-    def tunable(self) -> tuple[ParameterInfo, ...]:
-        """The parameters without those that runs hold, which come last."""
-        return self.parameters[: len(self.parameters) - len(self.balls) - len(self.switches)]
-
-    @property
-    def coordinates(self) -> int:
-        """Number of joint variables."""
-        return len(self.variables)
-
-    @property
-    def extent(self) -> str:
-        """Number of coordinates, and the joints, in words."""
-        return f"{self.coordinates} coordinates, {' '.join(self.joints)} loop"
-
-    def having(self, *roles: str) -> list[int]:
-        """Return the numbers of the variables of these roles."""
-        return [i for i, v in enumerate(self.variables) if v.role in roles]
-
-    def row(self, index: int) -> str:
-        """Return variable, row, joint and link of a variable as messages name them."""
-        v = self.variables[index]
-        return f"{v.name} of row {v.row + 1} (joint {self.joints[v.row]}, link {self.links[v.row]})"

@@ -15,7 +15,7 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.closure.assemblies import same_assembly
 from symgen.runtime.closure.redundancy import component_names, note, ranges_of, undetermined
 from symgen.runtime.closure.start import Closed
-from symgen.runtime.kernels.description import LoopDescription
+from symgen.runtime.kernels.loop_description import LoopDescription
 from symgen.runtime.kernels.typed import build_settings
 from symgen.runtime.loop.curve import walk
 from symgen.runtime.loop.following import FollowedSamples, follow_over

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from symgen.errors import RangeError
 from symgen.runtime import _core, _loop
 from symgen.runtime.arrays import Array
-from symgen.runtime.kernels.description import BlockInfo, LoopDescription, VariableInfo
+from symgen.runtime.kernels.description import BlockInfo
 from symgen.runtime.kernels.evaluate import Kernels
 from symgen.runtime.kernels.library import Library
+from symgen.runtime.kernels.loop_description import LoopDescription, VariableInfo
 from symgen.runtime.kernels.typed import Typed
 from symgen.runtime.loop.drive_inverse import first_times
 

@@ -19,7 +19,7 @@ from symgen.runtime.closure.parameter_homotopy import state_at
 from symgen.runtime.closure.start import Closed, close_near, counted
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.kernels.arguments import real, reals
-from symgen.runtime.kernels.description import LoopDescription
+from symgen.runtime.kernels.loop_description import LoopDescription
 from symgen.runtime.loop import motion
 from symgen.runtime.loop.driven import STAGES, driven, follow, follow_through, followed, moving_at, not_driven
 from symgen.runtime.loop.kernels import LoopKernels
@@ -64,10 +64,8 @@ class LoopModel(Model):
         return LoopKernels(self.description, self.library, self.parameter_values, self.number_type)
 
     def __repr__(self) -> str:
-        d = self.description
-        return (
-            f"<LoopModel {d.name!r}: {' '.join(d.joints)}, {d.coordinates} variables, {self.backend} backend>"
-        )
+        d, n = self.description, self.description.coordinates - len(self.description.states)
+        return f"<LoopModel {d.name!r}: {' '.join(d.joints)}, {n} variables, {self.backend} backend>"
 
     @property
     def is_driven(self) -> bool:
@@ -79,9 +77,10 @@ class LoopModel(Model):
         """Degrees of freedom and redundant closure equations, a line of text each."""
         d = self.description
         inputs, free, dependent = (len(d.having(role)) for role in ("input", "free", "dependent"))
+        states = f", first-order states: {len(d.states)}" if d.states else ""
         return (
-            f"{d.coordinates} variables: {inputs} prescribed, {free} free, {dependent} dependent, "
-            f"whose screws have rank {d.rank}: {degrees(inputs + free)} of freedom",
+            f"{d.coordinates - len(d.states)} variables: {inputs} prescribed, {free} free, {dependent} "
+            f"dependent, whose screws have rank {d.rank}: {degrees(inputs + free)} of freedom{states}",
             f"redundant: {6 - d.rank} of 6 closure equations" if d.rank < 6 else "redundant: none",
         )
 
@@ -186,12 +185,12 @@ class LoopModel(Model):
         if at is not None:
             driven(self.description)
             t = at if over == "time" else self.kernels.time_of(at)
-        names = [v.name for v in self.description.variables]
-        closures = np.reshape(search(self.kernels, t, begin.q).closures, (-1, len(names)))
+        joints = [v.name for v in self.description.variables if v.role != "state"]
+        closures = np.reshape(search(self.kernels, t, begin.q).closures, (-1, len(begin.q)))
         turning = self.kernels.periodic.copy()
         turning[list(self.kernels.inputs)] = False  # these are as written
         half = np.ceil(np.where(turning, closures, 0.0) / (2 * np.pi) - 0.5)  # angles in (-pi, pi]
-        poses = (dict(zip(names, q, strict=True)) for q in (closures - 2 * np.pi * half).tolist())
+        poses = (dict(zip(joints, q, strict=False)) for q in (closures - 2 * np.pi * half).tolist())
         return AssemblyModes(poses, "closures of loops of joints are searched from many starts")
 
     @takes(Derivatives)
@@ -237,6 +236,7 @@ class LoopModel(Model):
         start = self.initial_state() if request.at is None else request.at
         free = self._free_names
         by = self._differentiated(request.parameters, [*free, *(f"{name}'" for name in free)])
+        free = [*free, *self.description.integrals]
         tangents = self._tangents("loop_linearisation", outputs)
         at_start = tangents(start)
         if not request.along:
@@ -256,22 +256,23 @@ class LoopModel(Model):
         values: Mapping[str, float] | None = None,
         rates: Mapping[str, float] | None = None,
         t: float = 0.0,
+        *,
+        states: Mapping[str, float] | None = None,
     ) -> State:
-        """Return a closed state from values [rad, m] and rates of joint variables.
+        """Return a closed state from values [rad, m] and rates of joint variables, and first-order states.
 
-        Omitted free variables keep their values at the start, with zero rate. The loop is followed from its
-        start to the given values, so that it stays on its assembly branch. If dependent variables are given,
-        the loop is closed near their values, and near those of the others at the start.
+        Omitted free variables and states keep their values at the start, variables with zero rate. The loop
+        is followed from its start to the given values, so that it stays on its assembly branch. If dependent
+        variables are given, the loop is closed near their values, and near those of the others at the start.
 
         Raises
         ------
         ModelError
-            For a name that is no free or dependent variable, a rate of a variable that is not free, and
-            values that are not finite.
+            For an unknown name, a rate of a variable that is not free, and values that are not finite.
         SimulationError
             When the loop does not close at these values, or cannot be followed to them.
         """
-        return self._as_state(*state_at(self.kernels, self.closed_start(), values or {}, rates or {}, t))
+        return self._as_state(*state_at(self.kernels, self.closed_start(), values, rates, states, t))
 
     def initial_state(self) -> State:
         """Return the state in which the loop starts; raise InitialStateError when it cannot be assembled."""
@@ -284,7 +285,9 @@ class LoopModel(Model):
         return State(t, q.copy(), u.copy(), values, rates)
 
     def _coordinates(self, y: State | ArrayLike, t: ArrayLike = 0.0) -> dict[str, Any]:
-        return in_order([v.name for v in self.description.variables], y, t)
+        d = self.description
+        found = in_order([v.name for v in d.variables], y, t).items()
+        return {name.removesuffix(".integral'"): x for name, x in found if name not in d.integrals}
 
     @property
     def rhs(self) -> Rhs:
@@ -294,7 +297,7 @@ class LoopModel(Model):
         if (reason := self._refused("linearise")) is not None:
             raise CapabilityError(f"{self.name} does not support rhs: {reason}")
         d, begin = self.description, self.closed_start()
-        equations = self.kernels.equations(d.having("dependent", "free"), begin.rank, work_of_loads=False)
+        equations = self.kernels.equations(d.dynamic, begin.rank, work_of_loads=False)
         start = self.initial_state()
         return Rhs(equations, np.concatenate([start.q, start.u]), d.inputs, len(d.tunable) - len(d.inputs))
 
@@ -329,7 +332,7 @@ class LoopModel(Model):
     ) -> LoopTangents:
         """Return the tangents at a state, at a time of the run from the start [s], or at the start."""
         d = self.description
-        known = [v.name for v in d.variables if v.role != "input"]
+        known = [d.variables[i].name for i in d.having("free", "dependent")]
         for name in coordinates:
             check_known(name, known, f"{self.name}: there is no joint variable that is not prescribed")
         if isinstance(at, State):

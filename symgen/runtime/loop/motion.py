@@ -49,7 +49,7 @@ def start_at(kernels: LoopKernels, pose: Closed, rates: Array) -> LoopStart:
 def begun(kernels: LoopKernels, start: LoopStart) -> tuple[_loop.LoopEquations, Array]:
     """Return the equations of a motion and its state (q, u, work) at the start, in their present angles."""
     d, pose, rates = kernels.description, start.pose, start.rates
-    equations = kernels.stepping([*d.having("dependent"), *d.having("free")], pose.rank)
+    equations = kernels.stepping(d.solved, pose.rank)
     if start.at_pole:
         in_use, q = in_other_angles(kernels, equations, pose.q)
         pose = replace(pose, q=q)
@@ -161,7 +161,9 @@ def _problem(kernels: LoopKernels, stepper: _core.Run, chosen: Options, status: 
     weakest = d.row(solved[int(np.argmax(np.abs(right[min(rank, len(right)) - 1])))])
     at = f"at t = {stepper.t:.9g} s after {stepper.steps} steps"
     where = ", ".join(
-        f"{v.name} {in_words(float(x), v.is_length, d)}" for v, x in zip(d.variables, q, strict=True)
+        f"{v.name} {in_words(float(x), v.is_length, d)}"
+        for v, x in zip(d.variables, q, strict=True)
+        if v.role != "state"
     )
     if status == OUT_OF_TIME:
         return f"{out_of_time(stepper.t, chosen.t_end)} State: {where}."
@@ -173,6 +175,7 @@ def _problem(kernels: LoopKernels, stepper: _core.Run, chosen: Options, status: 
         )
     if status == _core.SLIDING:
         units = {v.name: v.unit for v in d.variables} | {f"{v.name}.rate": f"{v.unit}/s" for v in d.variables}
+        units |= d.states
         return of_sliding(d.switches[stepper.slid], at, f"State: {where}.", units)
     near = values[rank - 1] / values[0]
     if status == _core.NOT_FINITE:

@@ -70,7 +70,7 @@ class LoopSamples:
         self._held = kernels.parameter_values[: len(kernels.description.tunable)] if held is None else held
         d = kernels.description
         # States are recorded as doubles, and outputs follow from them.
-        self._solver = kernels.equations([*d.having("dependent"), *d.having("free")], rank)
+        self._solver = kernels.equations(d.solved, rank)
 
     @cached_property
     def parts(self) -> tuple[SampleGroup, ...]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from symgen.calls import checked
 from symgen.display import seconds
 from symgen.runtime.arrays import Array
-from symgen.runtime.kernels.description import LoopDescription
+from symgen.runtime.kernels.loop_description import LoopDescription
 from symgen.runtime.result.records import Variable
 from symgen.runtime.result.result import Result
 

@@ -66,7 +66,8 @@ def _row(letters: Letters, number: int, row: Row, loop: Loop) -> Row:
 def _variable(letters: Letters, variable: JointVariable) -> JointVariable:
     name, effort = variable.name, variable.effort
     if effort is not None:
-        variable = replace(variable, effort=letters.form(f"loop.drives.{name}", effort))
+        where = f"states.{name}.rate" if variable.is_state else f"loop.drives.{name}"
+        variable = replace(variable, effort=letters.form(where, effort))
     if variable.role != "input":
         return variable
     units = (variable.quantity.unit, variable.rate.unit)

@@ -23,17 +23,20 @@ ENTRIES = ("theta", "S", "eta", "alpha", "a")
 
 @dataclass(frozen=True, slots=True)
 class JointVariable:
-    """A joint variable.
+    """A joint variable, or the integral of a first-order state.
+
+    Such an integral is a coordinate of mass 1 that moves no link; its effort is the rate of the state.
 
     Attributes
     ----------
     quantity, rate, acceleration
-        Its symbols, with units; the rate is called ``NAME_rate``, the acceleration ``NAME_acceleration``.
+        Its symbols, with units; the rate is called ``NAME_rate``, the acceleration ``NAME_acceleration``. Of
+        a state its integral, itself and its rate: ``NAME_integral``, ``NAME``, ``NAME_rate``.
     row
-        Its row, counted from 0.
+        Its row, counted from 0; -1 of a state.
     role
         ``input``: its motion is prescribed; ``free``: an independent coordinate of the motion;
-        ``dependent``: follows from closure.
+        ``dependent``: follows from closure; ``state``: the integral of a first-order state.
     motion
         Of an input: its value by the time t.
     start, start_rate
@@ -49,7 +52,7 @@ class JointVariable:
     rate: Quantity
     acceleration: Quantity
     row: int
-    role: Literal["input", "free", "dependent"]
+    role: Literal["input", "free", "dependent", "state"]
     motion: sp.Expr
     start: sp.Expr
     start_rate: sp.Expr
@@ -59,7 +62,19 @@ class JointVariable:
     @property
     def name(self) -> str:
         """Its name in the scene."""
-        return self.quantity.name
+        return self.rate.name if self.is_state else self.quantity.name
+
+    @property
+    def is_state(self) -> bool:
+        """Whether it is the integral of a first-order state."""
+        return self.role == "state"
+
+    @property
+    def unit_of_effort(self) -> str:
+        """Unit of the effort; of a state that of its rate."""
+        if self.is_state:
+            return self.acceleration.unit
+        return "N*m" if self.quantity.unit == "rad" else "N"
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +156,9 @@ class LoopLoad:
 
 @dataclass(frozen=True)
 class Loop:
-    """A single closed loop, resolved. ``variables`` are in the order of the rows, and of their entries.
+    """A single closed loop, resolved.
+
+    ``variables`` are in the order of the rows, and of their entries; behind them are the integrals of states.
 
     ``span`` is the range of the first input over which it is evaluated when nothing else is asked; None
     where variables are free. ``lead`` is that input, the first written in the scene, empty where there is

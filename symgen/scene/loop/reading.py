@@ -124,7 +124,12 @@ class LoopReader(Values):
 
     def _check_name(self, name: str, where: str) -> None:
         check_word(name, where)
-        for noun, table in (("a parameter", self.scene.parameters), ("an input", self.scene.inputs)):
+        scene = self.scene
+        for noun, table in (
+            ("a parameter", scene.parameters),
+            ("an input", scene.inputs),
+            ("a state", scene.states),
+        ):
             if name in table:
                 raise SceneError(
                     f"{name!r} is {noun} already", where=where, hint="Choose another name for the variable."
@@ -147,8 +152,11 @@ class LoopReader(Values):
         return {**self.names, **{v.name: (v.symbol, v.dimension) for v in self.named.values()}}
 
     def with_variables(self, places: Iterable[PlacedVariable]) -> Names:
-        """Names for drives and loads: time, the scene's inputs, variables, and rates as ``NAME.rate``."""
+        """Names for drives and loads: time, inputs, states, variables, and rates as ``NAME.rate``."""
         names = {**self.with_time, **self.signals}
+        for name, written in self.scene.states.items():
+            with at(f"states.{name}.start"):
+                names[name] = sp.Symbol(name, real=True), parse_any(written.start, self.names)[1]
         for place in places:
             value, rate, _ = symbols(place.name, place.dimension, place.entry)
             names[place.name] = value.symbol, place.dimension

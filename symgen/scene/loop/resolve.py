@@ -9,14 +9,17 @@ import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.scene import units
+from symgen.scene.expressions import Names
 from symgen.scene.loop.ball_turns import with_ball_turns
 from symgen.scene.loop.bodies import NOWHERE, bodies, efforts, loads
 from symgen.scene.loop.loop import JointVariable, Loop, LoopBody, Row, Vector
 from symgen.scene.loop.reading import ZERO, LoopReader, symbols
 from symgen.scene.loop.rows import LoopTable, rows_of
 from symgen.scene.loop.schema import SpatialLoop
+from symgen.scene.rods.loads import first_order
 from symgen.scene.schema import Scene
 from symgen.symbolic.constants import with_pi
+from symgen.symbolic.quantity import quantity
 
 #: Names of components of vectors of a motion or a link, and of the closing wrench, in the derivation.
 OF_LOOP = re.compile(
@@ -38,7 +41,7 @@ def loop_of(scene: Scene, table: SpatialLoop) -> Loop:
     rows = rows_of(read)
     _check_names(scene, rows)
     names = read.with_variables(rows.places)
-    variables = tuple(_variables(read, rows, efforts(read, rows, names)))
+    variables = (*_variables(read, rows, efforts(read, rows, names)), *_states(read, names))
     masses = tuple(bodies(read, rows))
     size = _size(read, rows.rows, variables, masses)
     resolved = Loop(
@@ -98,14 +101,48 @@ def _variables(
         )
 
 
+def _states(read: LoopReader, names: Names) -> Iterator[JointVariable]:
+    """Yield the integrals of first-order states."""
+    for name in read.scene.states:
+        where = f"states.{name}"
+        if not read.free:
+            raise SceneError(
+                "a state needs a motion by forces, but inputs alone move the loop",
+                where=where,
+                hint="Move a variable from loop.inputs to loop.free.",
+            )
+        state = first_order(read, name, names)
+        of_state, of_rate, of_integral = state.units
+        yield JointVariable(
+            quantity(state.integral, of_integral, f"integral of {state.about}"),
+            quantity(name, of_state, state.about),
+            quantity(f"{name}_rate", of_rate, f"rate of {state.about}"),
+            row=-1,
+            role="state",
+            motion=ZERO,
+            start=ZERO,
+            start_rate=read.folded(state.start, f"{where}.start"),
+            effort=state.rate,
+        )
+
+
 def _check_names(scene: Scene, rows: LoopTable) -> None:
     """Refuse names that stand for something of the loop already."""
     variables = {p.name for p in rows.places}
     derived = {f"{name}_{derivative}" for name in variables for derivative in ("rate", "acceleration")}
     for name in sorted(variables & derived):
         raise SceneError(f"{name!r} is reserved for the rate of a variable", where=f"loop.inputs.{name}")
+    of_states = {f"{name}_{word}" for name in scene.states for word in ("rate", "integral")}
+    for name in sorted(variables & of_states):
+        state = name.rpartition("_")[0]
+        raise SceneError(
+            f"{name!r} is a variable of the loop, and reserved for a quantity of the state {state}",
+            where=f"states.{state}",
+            hint="Choose another name.",
+        )
     plain = {name for name, parameter in scene.parameters.items() if not parameter.tunable}
-    for table, names in (("parameters", scene.parameters), ("inputs", scene.inputs)):
+    tables = ("parameters", scene.parameters), ("inputs", scene.inputs), ("states", scene.states)
+    for table, names in tables:
         for name in names:
             problem = ""
             if name in variables:
@@ -115,9 +152,9 @@ def _check_names(scene: Scene, rows: LoopTable) -> None:
             if problem:
                 raise SceneError(problem, where=f"{table}.{name}", hint="Choose another name.")
     for i, row in enumerate(rows.rows):
-        if row.link in variables:
+        if row.link in variables or row.link in scene.states:
             raise SceneError(
-                f"{row.link!r} is a variable of the loop",
+                f"{row.link!r} is a {'variable' if row.link in variables else 'state'} of the loop",
                 where=f"loop.rows.{i}.link",
                 hint="Choose another name.",
             )

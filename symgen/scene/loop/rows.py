@@ -218,9 +218,9 @@ def _check_count(read: LoopReader, table: LoopTable) -> None:
             where=where,
             hint="Make inputs or free variables of the surplus ones, or take joints with fewer freedoms.",
         )
-    if len(table.places) > MOST:
+    if (count := len(table.places) + len(read.scene.states)) > MOST:
         raise SceneError(
-            f"expected at most {MOST} joint variables, got {len(table.places)}",
+            f"expected at most {MOST} joint variables{' and states' * bool(read.scene.states)}, got {count}",
             where=where,
             hint="Prescribe fewer motions: leave out some of the joints of the inputs.",
         )

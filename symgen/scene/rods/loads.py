@@ -12,7 +12,9 @@ from symgen.errors import SceneError
 from symgen.loads import LOADS
 from symgen.loads.load import Load
 from symgen.scene import units
-from symgen.scene.reading import Reader
+from symgen.scene.expressions import Names, parse_any
+from symgen.scene.faults import at
+from symgen.scene.reading import Reader, Values
 from symgen.scene.rods.linkage import TIME, PlacedMass, RigidLink
 from symgen.scene.rods.run_parameters import FirstOrder
 from symgen.scene.schema import PointMass
@@ -65,21 +67,27 @@ def states(read: Reader) -> Iterator[FirstOrder]:
         For a scene with elastic links.
     """
     scene = read.scene
-    for name, written in scene.states.items() if scene.analysis.kind == "dynamics" else ():
-        where = f"states.{name}"
+    for name in scene.states if scene.analysis.kind == "dynamics" else ():
         if any(link.elastic is not None for link in scene.links.values()):
             raise SceneError(
-                "states are for linkages with rigid links",
-                where=where,
+                "states are for linkages with rigid links, and loops of joints",
+                where=f"states.{name}",
                 hint="Run the linkage with rigid links, or give the load as a function of the motion.",
             )
-        dim = read.states[name][1]
-        value = read.value(written.start, dim, f"{where}.start")
-        rates = dim.times(units.TIME.power(Fraction(-1)))
-        rate = read.value(written.rate, rates, f"{where}.rate", read.with_state())
-        of_state = units.shown_unit(str(written.start)) if is_quantity(str(written.start)) else dim.unit
-        all_units = of_state, rates.unit, dim.times(units.TIME).unit
-        yield FirstOrder(name, all_units, value, rate, written.about.strip() or f"state {name}")
+        yield first_order(read, name, read.with_state())
+
+
+def first_order(read: Values, name: str, names: Names) -> FirstOrder:
+    """Return a first-order state; ``names`` are those of loads."""
+    written, where = read.scene.states[name], f"states.{name}"
+    with at(f"{where}.start"):
+        dim = parse_any(written.start, read.names)[1]
+    value = read.value(written.start, dim, f"{where}.start")
+    rates = dim.times(units.TIME.power(Fraction(-1)))
+    rate = read.value(written.rate, rates, f"{where}.rate", names)
+    of_state = units.shown_unit(str(written.start)) if is_quantity(str(written.start)) else dim.unit
+    all_units = of_state, rates.unit, dim.times(units.TIME).unit
+    return FirstOrder(name, all_units, value, rate, written.about.strip() or f"state {name}")
 
 
 def _turned(read: Reader, links: Sequence[RigidLink], mass: PointMass, where: str) -> str:

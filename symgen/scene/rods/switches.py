@@ -83,9 +83,8 @@ def with_switches_of_loop(loop: Loop) -> Loop:
     """
     if not loop.having("free"):
         return loop
-    switches = _Switches(
-        loop.parameters, {v.rate.symbol: sp.Symbol(f"{v.name}.rate") for v in loop.variables}
-    )
+    words = {v.rate.symbol: sp.Symbol(f"{v.name}.rate") for v in loop.variables if not v.is_state}
+    switches = _Switches(loop.parameters, words)
 
     def loaded(index: int, load: LoopLoad) -> LoopLoad:
         where = _place("loop.loads", index)
@@ -100,7 +99,7 @@ def with_switches_of_loop(loop: Loop) -> Loop:
         variable = replace(variable, motion=switches.with_branches(where, variable.motion))
         if variable.effort is None:
             return variable
-        where = f"the drive of {variable.name}"
+        where = f"[states] {variable.name}" if variable.is_state else f"the drive of {variable.name}"
         switches.stop_at_pulses(where, (variable.effort,))
         return replace(variable, effort=switches.with_branches(where, variable.effort))
 

@@ -16,8 +16,8 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.integrators.method import Integrator
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.kernels.batch import lanes_of
-from symgen.runtime.kernels.description import LoopDescription
 from symgen.runtime.kernels.library import Library
+from symgen.runtime.kernels.loop_description import LoopDescription
 from symgen.runtime.linearisation.runs import followed
 from symgen.runtime.linearisation.steps import StoredTrajectory, of_tangents
 from symgen.runtime.loop.kernels import LoopKernels
@@ -46,7 +46,7 @@ def follow(loop: LoopKernels, rank: int, start: State, chosen: Options, times: A
             f"derivatives of runs of loops are not available for {chosen.method.name}\n"
             "  Choose dop853, taylor, dopri5 or rk4."
         )
-    equations = loop.equations(d.having("dependent", "free"), rank, work_of_loads=False)
+    equations = loop.equations(d.dynamic, rank, work_of_loads=False)
     turns = slice(len(d.tunable), len(d.tunable) + len(d.balls))
     path = followed(equations, turns, (), start, chosen, times, lambda *at: problem(loop, *at))
     if path.references.any():
@@ -80,7 +80,7 @@ class LoopSteps:
         d = loop.description
         self.integrands: Mapping[str, str] = {}
         self.states = 0
-        self._equations = loop.equations(d.having("dependent", "free"), rank, work_of_loads=False)
+        self._equations = loop.equations(d.dynamic, rank, work_of_loads=False)
         self._method, self._kernels = of_tangents(method), kernels
         self._names = [p.name for p in d.parameters]
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
-from symgen.runtime.kernels.description import LoopDescription
+from symgen.runtime.kernels.loop_description import LoopDescription
 from symgen.runtime.linearisation.tangents import StateSlopes, Tangents
 from symgen.runtime.loop.ball_poles import ball_pole
 from symgen.runtime.loop.kernels import LoopKernels
@@ -95,9 +95,10 @@ class LoopTangents(Tangents):
         """
         columns, known, d = self.units_of_coordinates, self._known, self.description
         sizes = np.abs(columns[known, None] * self.mass[known] * columns)
-        effort, count = float(np.max(sizes, initial=0.0)) or 1.0, self.free.shape[1]
+        joints, states = slice(self.n - len(d.states)), np.isin(known, d.having("state"))
+        effort, count = float(np.max(sizes[~states, joints], initial=0.0)) or 1.0, self.free.shape[1]
         self._units = np.append(np.ones(count), _lengths(d) * effort / d.size)
-        self._rows = effort / columns[known, None]
+        self._rows = np.where(states, 1.0, effort)[:, None] / columns[known, None]
         matrix = np.hstack([self.mass[known] @ self.free, by_wrench]) / self._rows * self._units
         self._inverse = np.linalg.pinv(matrix, rcond=_RANK)
         _, values, right = np.linalg.svd(matrix)
@@ -213,7 +214,7 @@ def check_closed(loop: LoopKernels, state: State) -> None:
     defect = max(defect, *np.abs(off), 0.0)
     opening = loop("position", state.t, state.q, state.u)["closure_jacobian"] @ state.u / _lengths(d)
     off = (state.u[loop.inputs] - prescribed[:, 1]) / loop.scale[loop.inputs]
-    speed = max(float(np.max(np.abs(state.u / loop.scale))), 1e-300)
+    speed = max(float(np.max(np.abs(state.u / loop.scale)[: n - len(d.states)])), 1e-300)
     rate = max(float(np.max(np.abs(opening))), *np.abs(off), 0.0)
     allowed = max(_CLOSED, 2.0 * loop.tolerance)
     if defect <= allowed < rate / speed:
