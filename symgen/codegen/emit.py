@@ -25,7 +25,7 @@ from symgen.codegen.views import (
     UnitView,
 )
 from symgen.lowering.expressions import Constant, references
-from symgen.lowering.kernel import ARRAYS, Block, Kernel, Program, Slot, Store
+from symgen.lowering.kernel import ARRAYS, Block, IteratedKernel, Kernel, Program, Slot, Store
 
 
 @lru_cache(maxsize=1)
@@ -54,6 +54,8 @@ TEMPLATES = {
 SPLIT = "c/kernel.c.j2"
 #: Template of kernels of power series, which models of motions have.
 SERIES_TEMPLATE = "c/series.c.j2"
+#: Templates of kernels that repeat another one, by language; in C they are a file of their own.
+ITERATED = {"c": "c/iterated.c.j2", "numpy": "numpy/iterated.py.j2", "mpmath": "numpy/iterated.py.j2"}
 #: Additional C templates for kernels that evaluate batches of states.
 LANES = (("c/batch.c.j2", "{}_batch.c"),)
 #: Templates included by other templates.
@@ -68,6 +70,8 @@ INLINED = 40
 #: Minimum number of consecutive zeros that are stored by a loop.
 ZEROS = 32
 _ZERO = Constant("0")
+#: Languages with a header of all kernels.
+_DECLARED = ("c", "cython")
 
 
 def equations_hash(program: Program, target: Target) -> str:
@@ -80,6 +84,9 @@ def equations_hash(program: Program, target: Target) -> str:
         digest.update(_source(ROLLED))
     if program.series:
         digest.update(_source(SERIES_TEMPLATE))
+    if any(isinstance(k, IteratedKernel) for k in program.kernels):
+        for template in sorted({*ITERATED.values()}):
+            digest.update(_source(template))
     return digest.hexdigest()
 
 
@@ -100,12 +107,21 @@ def emit(program: Program, target: Target, equations: str) -> tuple[SourceFile, 
         The program's :func:`equations_hash`, written into the code.
     """
     whole = unit_view(program, target, equations)
+    iterated = tuple(kernel for kernel in whole.kernels if kernel.iterated)
+    plain = replace(whole, kernels=tuple(kernel for kernel in whole.kernels if not kernel.iterated))
     files = []
     for template, file in TEMPLATES[target.language] + (LANES if target.lanes else ()):
-        parts = _parts(whole) if template == SPLIT else [whole]
+        parts = _parts(whole) if template == SPLIT else [whole if target.language in _DECLARED else plain]
         for i, part in enumerate(parts):
             text = environment().get_template(template).render(unit=part)
             files.append(SourceFile(file.format(program.name, f"_{i + 1}" if i else ""), text))
+    if iterated and target.language in ITERATED:
+        template = environment().get_template(ITERATED[target.language])
+        text = template.render(unit=replace(whole, kernels=iterated))
+        if target.language == "c":
+            files.append(SourceFile(f"{program.name}_iterated.c", text))
+        else:
+            files[-1] = SourceFile(files[-1].name, files[-1].text + text)
     loops = tuple(kernel for kernel in whole.kernels if kernel.rolled)
     if loops:
         text = environment().get_template(ROLLED).render(unit=replace(whole, kernels=loops))
@@ -117,7 +133,7 @@ def _parts(whole: UnitView) -> list[UnitView]:
     parts: list[list[KernelView]] = [[]]
     statements = 0
     for kernel in whole.kernels:
-        if kernel.rolled:
+        if kernel.rolled or kernel.iterated:
             continue
         size = len(kernel.assignments) + len(kernel.stores)
         if parts[-1] and statements + size > STATEMENTS:
@@ -223,6 +239,7 @@ def _kernel(program: Program, kernel: Kernel, target: Target, rolls: bool) -> Ke
         out_size=kernel.out_size,
         after_setup=_is_after_setup(program, kernel),
         rolled=loops,
+        iterated=kernel if isinstance(kernel, IteratedKernel) else None,
     )
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from symgen.codegen.calls import CallView, merged
 from symgen.codegen.rolled import Rolled
 from symgen.lowering.expressions import GUARDED_INVERSE
-from symgen.lowering.kernel import Slot
+from symgen.lowering.kernel import IteratedKernel, Slot
 from symgen.precision import Precision
 
 
@@ -67,7 +67,7 @@ class KernelView:
 
     ``sizes`` are those of all arrays, of which those ``given`` are read. In C, ``early`` has the stores that
     follow each assignment, and ``late`` those behind all of them; of large kernels, ``rolled`` has all
-    statements.
+    statements. ``iterated`` is the kernel if it repeats another one.
     """
 
     name: str
@@ -90,6 +90,7 @@ class KernelView:
     out_size: int
     after_setup: bool
     rolled: Rolled | None
+    iterated: IteratedKernel | None
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from symgen.errors import SceneError
 from symgen.loads.load import JointLaw, Load, Reading
-from symgen.loads.measure import JOINT_FORCE, RATE, LoadTerm
+from symgen.loads.measure import RATE, LoadTerm
 from symgen.loads.of_links import Angle
 from symgen.loads.torque import check_couple
 from symgen.scene import table, units
@@ -74,9 +74,8 @@ class BearingFriction(Load):
 
     @property
     def of_joint(self) -> JointLaw:
-        arm = self.coefficient * self.radius
-        law = -arm * JOINT_FORCE * RATE / sp.sqrt(RATE**2 + self.transition**2)
-        return JointLaw(self.link, self.against, self.point, law, arm)
+        slip = RATE / sp.sqrt(RATE**2 + self.transition**2)
+        return JointLaw(self.link, self.against, self.point, -self.coefficient * self.radius * slip)
 
     def terms(self, dimension: int) -> Iterator[LoadTerm]:
         yield LoadTerm(Angle(self.link, self.against), force=(self.couple,))

@@ -84,14 +84,13 @@ def expression(kind: Literal["scalar", "polar", "axial"]) -> Any:
 class JointLaw:
     """A couple [N m] on a link against another one, or the ground (empty), by the force in their joint.
 
-    ``law`` is a function of ``JOINT_FORCE`` and ``RATE``, and at most ``arm`` [m] times the force.
+    ``factor`` is the couple over the size of the force [m], a function of ``RATE``.
     """
 
     link: str
     against: str
     point: str
-    law: sp.Expr
-    arm: sp.Expr
+    factor: sp.Expr
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,8 +22,6 @@ VALUES = tuple(sp.Symbol(f"value[{i}]", real=True) for i in range(3))
 RATES = tuple(sp.Symbol(f"rate[{i}]", real=True) for i in range(3))
 #: The value and the rate of a measure with one component.
 VALUE, RATE = VALUES[0], RATES[0]
-#: The size of the force in a joint [N].
-JOINT_FORCE = sp.Symbol("joint_force", real=True)
 
 Gradient = dict[sp.Symbol, sp.Expr]
 #: Virtual work: a force, the gradient of its conjugate quantity, and the rate of this quantity.

@@ -134,6 +134,29 @@ class SeriesKernel(Kernel):
 
 
 @dataclass(frozen=True, slots=True)
+class IteratedKernel(Kernel):
+    """A kernel without statements that repeats another one, ``step``, for sizes f = |F + B f| of forces.
+
+    Its ``numbers`` are in ``work`` from ``place`` on, which ``step`` gets as ``out``: ``count`` sizes; then
+    ``part``, by which B is multiplied, and of the last step ``change`` and ``size``, sums over all sizes, and
+    ``determinant``, of its matrix; ``bound``, the square of a norm of B; ``missed``, not a number where
+    nothing was found, else zero.
+
+    B rises from nothing to itself, in one step if it may. A solution continues one for less of B if it is
+    the only one, or if it is near that one and the determinant keeps its sign.
+    """
+
+    step: str = ""
+    place: int = 0
+    count: int = 0
+    numbers: int = 0
+
+    def at(self, name: str) -> int:
+        """Return the place of a number behind the sizes."""
+        return self.count + ("part", "change", "size", "determinant", "bound", "missed", "end").index(name)
+
+
+@dataclass(frozen=True, slots=True)
 class Program:
     """All kernels of one model, with the meaning of every argument.
 

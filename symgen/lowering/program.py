@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -10,19 +10,16 @@ import sympy as sp
 
 from symgen.errors import DerivationError
 from symgen.lowering.binding_times import with_setup
+from symgen.lowering.couples import CoupleKernels
 from symgen.lowering.expressions import (
     ZERO,
     Call,
-    Constant,
-    Negative,
     Node,
-    Product,
     Reference,
-    Sum,
     references,
     rename,
 )
-from symgen.lowering.kernel import RANK_TOLERANCE, SETUP, Block, Kernel, Program, SeriesKernel, Slot, Store
+from symgen.lowering.kernel import RANK_TOLERANCE, SETUP, Block, Kernel, Program, SeriesKernel, Slot
 from symgen.lowering.recurrences import EquationsOfMotion, lower_series
 from symgen.lowering.sparse_ldlt import Factor, factor, solve
 from symgen.lowering.straight_line import Shared, StraightLine
@@ -31,10 +28,6 @@ from symgen.symbolic.system import Export, NamedMatrix, SaddlePoint, System
 
 #: Matrices of the kernel 'events': switching points, in rows named after their branches; rates of angles.
 SWITCHES, RATES = "switches", "turn_rates"
-#: Solutions with couples by the forces in joints; square of the part of its size that a couple may miss.
-SWEEPS, SETTLED = 20, "1e-24"
-#: Size of ``out`` above which zeros are no stores.
-ALL_ZEROS = 20_000
 
 
 def lower_system(system: System) -> Program:
@@ -46,7 +39,7 @@ def lower_system(system: System) -> Program:
     names = dict.fromkeys(name for export in system.exports for name in export.matrices)
     if point:
         names.update(dict.fromkeys((point.mass, point.jacobian, point.force, point.rhs)))
-        names.update(dict.fromkeys([point.couples] if point.couples else []))
+        names.update(dict.fromkeys(point.couples))
     if system.residual:
         names[system.residual] = None
     lowering = _Lowering(system, Shared(system, tuple(names)))
@@ -143,13 +136,13 @@ def _placed(kernel: Kernel, place: int) -> Kernel:
 class _Lowering:
     def __init__(self, system: System, shared: Shared) -> None:
         self.system, self.shared, self.pivots = system, shared, 0
+        self.sizes = {g.name: len(g.quantities) for g in system.groups}
 
     def export(self, export: Export) -> Kernel:
         blocks = _blocks([self.system[name] for name in export.matrices])
         results = {b.offset + i: e for b in blocks for i, e in self.shared.entries[b.name].items()}
-        return self.kernel(
-            export.kernel, export.description, StraightLine(self.shared.values), results, blocks
-        )
+        line = StraightLine(self.shared.values)
+        return line.kernel(export.kernel, export.description, results, blocks, self.sizes)
 
     def solution(self, point: SaddlePoint) -> list[Kernel]:
         """Return 'factor', 'solve' (for repeated right-hand sides), and 'accelerations', which calls both."""
@@ -166,7 +159,8 @@ class _Lowering:
         stored = _stored(factors)
         health = [e for k in range(n + m) for e in (factors.pivot[k], factors.sound[k])]
         description = "factors of [M J^T; J 0] into work, for 'solve'; behind them the pivots"
-        factorise = self.kernel("factor", description, line, {}, (), work=[*stored, *health])
+        kept = dict(enumerate([*stored, *health]))
+        factorise = line.kernel("factor", description, {}, (), self.sizes, kept)
 
         line = StraightLine()
         places = {x.name: f"work[{i}]" for i, x in enumerate(stored)}
@@ -175,94 +169,33 @@ class _Lowering:
             inverse={k: rename(x, places) for k, x in factors.inverse.items()},
             lower={ij: rename(x, places) for ij, x in factors.lower.items()},
         )
-        in_place = self.kernel(
+        in_place = line.kernel(
             "solve",
             "solution for the right-hand side in out, with the factors in work, in place",
-            line,
             dict(enumerate(solve(line, regular, [Reference(f"out[{i}]") for i in range(n + m)]))),
             (
                 Block(
                     "solution", 0, (n + m, 1), "1", "right-hand side before, solution after", labels[: n + m]
                 ),
             ),
-            sizes={"work": len(stored), "out": n + m},
+            {"work": len(stored), "out": n + m},
         )
         unknowns = (
             Block("accelerations", 0, (n, 1), "m/s^2", "accelerations of the moving points", labels[:n]),
             Block("multipliers", n, (m, 1), "N/m", "multipliers of the constraints", labels[n : n + m]),
         )
         self.pivots = len(stored)
-        if point.couples:
-            return [factorise, in_place, *self._iterated(point, rhs, unknowns, factorise, in_place)]
-        accelerations = self.kernel(
+        accelerations = StraightLine(self.shared.values).kernel(
             "accelerations",
             "accelerations and multipliers: [M J^T; J 0] [a; lambda] = [f; gamma]",
-            StraightLine(self.shared.values),
             rhs,
             unknowns,
+            self.sizes,
         )
+        if point.couples:
+            couples = CoupleKernels(self.system, self.shared, point, regular, len(kept))
+            return [factorise, in_place, *couples.kernels(factorise, in_place, rhs, unknowns)]
         return [factorise, in_place, replace(accelerations, first=(factorise,), then=(in_place,))]
-
-    def _iterated(
-        self,
-        point: SaddlePoint,
-        rhs: Mapping[int, Node],
-        unknowns: tuple[Block, ...],
-        factorise: Kernel,
-        in_place: Kernel,
-    ) -> list[Kernel]:
-        """Return 'couples', 'sides', 'settled', and 'accelerations', which calls them in turn.
-
-        Each of ``SWEEPS`` solutions is with the couples by the one before, the first by one without. Where
-        the last couples are not those by the last solution, accelerations are no numbers.
-        """
-        labels = tuple(x.name for x in self.system.group("work").quantities)
-        first = sum(b.shape[0] for b in unknowns)
-        of = self.shared.entries[point.couples]
-        count = len(labels) - first
-        inside = {f"work[{i}]": f"out[{i}]" for i in range(len(labels))}
-        values = {name: rename(value, inside) for name, value in self.shared.values.items()}
-        sizes = {g.name: len(g.quantities) for g in self.system.groups} | {"out": len(labels)}
-        found = {i: rename(of.get(2 * i, ZERO), inside) for i in range(count)}
-        square = {i: rename(of.get(2 * i + 1, ZERO), inside) for i in range(count)}
-        sides = {i: rename(rhs.get(i, ZERO), inside) for i in range(first)}
-
-        def kernel(name: str, about: str, line: StraightLine, results: Mapping[int, Node]) -> Kernel:
-            kept = {i: Reference(f"out[{i}]") for i in range(len(labels))}
-            return self.kernel(name, about, line, kept | dict(results), (), sizes=sizes)
-
-        about = "couples by the forces in joints, with the solution in out, in place"
-        couples = kernel("couples", about, StraightLine(values), {first + i: e for i, e in found.items()})
-        about = "right-hand side with the couples in out, in place"
-        right = kernel("sides", about, StraightLine(values), sides)
-        about = "none: without couples by the forces in joints"
-        none = kernel("uncoupled", about, StraightLine(), dict.fromkeys(range(len(labels)), ZERO))
-        line, missed = StraightLine(values), []
-        for i in range(count):
-            off = line.name(Sum((found[i], Negative(Reference(f"out[{first + i}]")))), f"off{i}")
-            left = Sum((Product((Constant(SETTLED), square[i])), Negative(Product((off, off)))))
-            missed.append(line.name(Call("sqrt", (line.name(left, f"left{i}"),)), f"root{i}"))
-        zeros = (
-            x for root in missed for x in (root, Negative(root))
-        )  # roots of less than zero are not numbers
-        about = "no number as the first acceleration unless the couples are those of the solution"
-        settled = kernel("settled", about, line, {0: Sum((Reference("out[0]"), *zeros))})
-        last = unknowns[-1].offset + unknowns[-1].shape[0]
-        block = Block(
-            point.couples, last, (count, 1), "N*m", "couples by the forces in joints", labels[last:]
-        )
-        accelerations = self.kernel(
-            "accelerations",
-            "accelerations and multipliers: [M J^T; J 0] [a; lambda] = [f; gamma], and couples by the forces "
-            f"in joints: {SWEEPS} solutions",
-            StraightLine(values),
-            sides,
-            (*unknowns, block),
-            sizes=sizes,
-        )
-        turns = (couples, right, in_place) * SWEEPS
-        accelerations = replace(accelerations, first=(factorise, none), then=(in_place, *turns, settled))
-        return [couples, right, none, settled, accelerations]
 
     def series(self) -> list[Kernel]:
         """Return the kernels of power series in time."""
@@ -295,31 +228,6 @@ class _Lowering:
             len(system.group("p").quantities),
         )
         return list(lower_series(equations))
-
-    def kernel(
-        self,
-        name: str,
-        description: str,
-        line: StraightLine,
-        results: Mapping[int, Node],
-        blocks: tuple[Block, ...],
-        *,
-        work: Sequence[Node] = (),
-        sizes: Mapping[str, int] | None = None,
-    ) -> Kernel:
-        assignments = line.assignments([*results.values(), *work])
-        stores = [Store("work", i, e) for i, e in enumerate(work)]
-        size = sum(rows * columns for rows, columns in (b.shape for b in blocks))
-        stored = range(size) if 0 < size <= ALL_ZEROS else results
-        stores += [Store("out", i, results.get(i, ZERO)) for i in stored]
-        read = {
-            r.partition("[")[0]
-            for r in references([a.value for a in assignments] + [s.value for s in stores])
-            if "[" in r
-        }
-        known = sizes or {g.name: len(g.quantities) for g in self.system.groups}
-        inputs = tuple((array, size) for array, size in known.items() if array in read)
-        return Kernel(name, description, inputs, assignments, tuple(stores), blocks)
 
 
 def _blocks(matrices: Sequence[NamedMatrix]) -> tuple[Block, ...]:

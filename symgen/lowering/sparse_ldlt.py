@@ -118,12 +118,12 @@ def _of_kind(taken: _Taken, k: int, primal: int, *, same: bool) -> list[Node]:
     return [x for j, x in taken.get((k, k), ()) if ((j < primal) == (k < primal)) == same]
 
 
-def solve(line: StraightLine, factors: Factor, rhs: Sequence[Node]) -> list[Node]:
+def solve(line: StraightLine, factors: Factor, rhs: Sequence[Node], mark: str = "") -> list[Node]:
     """Solve with the factors, appending the assignments to ``line``; return the solution as atoms.
 
     Terms that become available last are subtracted last, to shorten dependency chains. If pivots may nearly
     vanish, terms of one sign come first instead: with large cancelling terms, runs then get closer to a
-    loss of rank.
+    loss of rank. ``mark`` ends the names of this solution among others of the same line.
     """
     rows: dict[int, list[int]] = {k: [] for k in factors.order}
     columns: dict[int, list[int]] = {k: [] for k in factors.order}
@@ -133,10 +133,12 @@ def solve(line: StraightLine, factors: Factor, rhs: Sequence[Node]) -> list[Node
     y: dict[int, Node] = {}
     for i in factors.order:
         earlier = [multiply(factors.lower[i, k], y[k]) for k in rows[i]]
-        y[i] = line.name(add([rhs[i]], earlier) if factors.watched else less(rhs[i], earlier), f"y{i}")
+        y[i] = line.name(add([rhs[i]], earlier) if factors.watched else less(rhs[i], earlier), f"y{i}{mark}")
     x: dict[int, Node] = {}
     for k in reversed(factors.order):
         scaled = multiply(y[k], factors.inverse[k])
         later = [multiply(factors.lower[i, k], x[i]) for i in columns[k]]
-        x[k] = line.name(add([scaled], later) if factors.watched else less(scaled, later[::-1]), f"x{k}")
+        x[k] = line.name(
+            add([scaled], later) if factors.watched else less(scaled, later[::-1]), f"x{k}{mark}"
+        )
     return [x[i] for i in range(len(rhs))]

@@ -9,6 +9,7 @@ import sympy as sp
 from sympy.simplify.cse_main import tree_cse
 
 from symgen.lowering.expressions import (
+    ZERO,
     Constant,
     Negative,
     Node,
@@ -20,7 +21,7 @@ from symgen.lowering.expressions import (
     references,
     rename,
 )
-from symgen.lowering.kernel import Assignment
+from symgen.lowering.kernel import Assignment, Block, Kernel, Store
 from symgen.symbolic.constants import Substitution, rounded
 from symgen.symbolic.system import System
 
@@ -79,6 +80,10 @@ def _is_simple(expression: sp.Expr) -> bool:
     """Return whether an expression is a symbol or the negative of one."""
     sign, bare = expression.as_coeff_Mul()
     return bool(bare.is_Symbol and abs(sign) == 1)
+
+
+#: Size of ``out`` above which zeros are no stores.
+ALL_ZEROS = 20_000
 
 
 class Shared:
@@ -189,3 +194,30 @@ class StraightLine:
             reads = references([self._values[name]])
             waiting.extend((r, False) for r in reversed(reads) if r in self._values and r not in done)
         return tuple(Assignment(name, self._values[name]) for name in done)
+
+    def kernel(
+        self,
+        name: str,
+        description: str,
+        results: Mapping[int, Node],
+        blocks: tuple[Block, ...],
+        sizes: Mapping[str, int],
+        work: Mapping[int, Node] | None = None,
+    ) -> Kernel:
+        """Return the kernel that stores results in ``out``, and others in ``work``, by their places.
+
+        ``sizes`` are those of the argument arrays. Entries of ``blocks`` that are no results are zero.
+        """
+        behind = work or {}
+        assignments = self.assignments([*results.values(), *behind.values()])
+        stores = [Store("work", i, e) for i, e in behind.items()]
+        size = sum(rows * columns for rows, columns in (b.shape for b in blocks))
+        stored = range(size) if 0 < size <= ALL_ZEROS else results
+        stores += [Store("out", i, results.get(i, ZERO)) for i in stored]
+        read = {
+            r.partition("[")[0]
+            for r in references([a.value for a in assignments] + [s.value for s in stores])
+            if "[" in r
+        }
+        inputs = tuple((array, size) for array, size in sizes.items() if array in read)
+        return Kernel(name, description, inputs, assignments, tuple(stores), blocks)

@@ -1,7 +1,7 @@
 """Couples by the forces in joints, such as friction of bearings: unknowns of the equations of motion.
 
-The force in a joint depends on accelerations and multipliers, which depend on the couple: the kernel
-'accelerations' iterates, and judges its end by the largest couples that the forces allow.
+The force in a joint depends on accelerations and multipliers, which depend on the couple, all linearly but
+for the size of the force.
 """
 
 from __future__ import annotations
@@ -9,24 +9,21 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-import sympy as sp
-
 from symgen.errors import SceneError
-from symgen.loads.measure import JOINT_FORCE, RATE
+from symgen.loads.measure import RATE
 from symgen.models.rods.matrix import named
-from symgen.symbolic.vectors import dot
+from symgen.symbolic.calculus import partial
 
 if TYPE_CHECKING:
     from symgen.loads.load import JointLaw
     from symgen.models.rods.linkage import RodsModel
     from symgen.symbolic.system import NamedMatrix
 
-#: Name of the matrix: of each couple its value by the other unknowns, and the square of its size.
-COUPLES = "joint_couples"
-
 
 def joint_couples(model: RodsModel) -> list[NamedMatrix]:
-    """Return the matrix of couples by the forces in joints; none without such loads.
+    """Return the matrices of couples by the forces in joints; none without such loads.
+
+    They are the factors, the applied forces by couples, the forces, and the slopes of these.
 
     Raises
     ------
@@ -34,20 +31,39 @@ def joint_couples(model: RodsModel) -> list[NamedMatrix]:
         Where the force in a joint does not follow from its two links, and for elastic links.
     """
     laws = {(f"{table}.{i}", x): x.of_joint for table, i, x in model.linkage.placed_loads if x.of_joint}
-    entries = [e for (where, load), law in laws.items() for e in _entries(model, load.name, law, where)]
     if not laws:
         return []
-    about = "couples by the forces in joints, and squares of the sizes by which their iteration is judged"
-    rows = [load.name for _, load in laws]
-    return [named(model, COUPLES, entries, "N*m, N^2*m^2", about, rows=rows, columns=("couple", "size"))]
+    for (where, _), law in laws.items():
+        _check(model, law, where)
+    owners = [load.name for _, load in laws]
+    unknowns = [model.loads.of_joints[owner].symbol for owner in owners]
+    factors = [
+        law.factor.xreplace({RATE: model.loads.turning(law.link, law.against)[1]}) for law in laws.values()
+    ]
+    forces = [model.joint_forces.on(law.link, law.point) for law in laws.values()]
+    accelerations = [a for p in model.free for a in model.a[p]]
+    work = [x.symbol for x in (*accelerations, *model.multipliers.values())] + unknowns
+    slopes = [partial(c, x) for force in forces for c in force for x in work]
+    q = [x.name for x in model.coordinates]
+    about = "applied forces by couples of 1 N m"
+    directions = [partial(f, x) for f in model.applied for x in unknowns]
+    return [
+        named(model, "couple_factors", factors, "m", "couples over sizes of forces in joints", rows=owners),
+        named(model, "couple_directions", directions, "1/m", about, rows=q, columns=owners),
+        named(
+            model, "forces_of_couples", [c for force in forces for c in force], "N",
+            "forces in joints by which couples are", rows=owners, columns=model.axes,
+        ),
+        named(
+            model, "slopes_of_forces", slopes, "SI", "slopes of these by accelerations, multipliers, couples",
+            rows=[f"{owner}.{axis}" for owner in owners for axis in model.axes],
+            columns=[x.name for x in work],
+        ),
+    ]  # fmt: skip
 
 
-def _entries(model: RodsModel, owner: str, law: JointLaw, where: str) -> tuple[sp.Expr, sp.Expr]:
-    """Return a couple and the square of its size.
-
-    The size is the largest couple by the force in the joint and those along rods: the force may vanish, such
-    as at the centre of mass of a balanced crank, and is then the rounding of these.
-    """
+def _check(model: RodsModel, law: JointLaw, where: str) -> None:
+    """Check that the force in a joint is determined."""
     if model.linkage.elastic:
         raise SceneError(
             "friction of bearings is that of linkages with rigid links",
@@ -55,16 +71,6 @@ def _entries(model: RodsModel, owner: str, law: JointLaw, where: str) -> tuple[s
             hint="Give a couple by the state: [[torques]].",
         )
     _check_joint(model, law, where)
-    force = model.joint_forces.on(law.link, law.point)
-    squared = model.calculus.define(
-        f"{owner}_force_squared", dot(force, force), "N^2", f"square of the force in the joint of {owner}"
-    )
-    rate = model.loads.turning(law.link, law.against)[1]
-    along = [
-        (model.multipliers[k.name].symbol * k.length) ** 2 for k in model.rods if k.name in model.multipliers
-    ]
-    couple = law.law.xreplace({JOINT_FORCE: sp.sqrt(squared), RATE: rate})
-    return couple, law.arm**2 * sp.Add(squared, *along)
 
 
 def _check_joint(model: RodsModel, law: JointLaw, where: str) -> None:

@@ -161,7 +161,7 @@ class SaddlePoint:
     ``order`` lists unknowns: numbers below the count of coordinates are coordinates, the others multipliers.
     A multiplier whose pivot is at most ``rank_tolerance`` of its terms of equal sign is zero; callers of
     kernels may pass another tolerance. If rows of J are ``independent`` everywhere, no pivot is compared.
-    ``costs`` has counted costs by orders, the chosen one first. ``couples``: unknowns in f, and their sizes.
+    ``costs``: counted costs by orders, the chosen one first; ``couples``: matrices of couples by forces in f.
     """
 
     mass: str
@@ -172,7 +172,7 @@ class SaddlePoint:
     rank_tolerance: str
     independent: bool = False
     costs: tuple[tuple[str, int], ...] = ()
-    couples: str = ""
+    couples: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

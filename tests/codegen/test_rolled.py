@@ -10,7 +10,7 @@ from symgen.codegen import rolled, tables
 from symgen.codegen.emit import emit
 from symgen.codegen.target import Target
 from symgen.errors import InitialStateError
-from symgen.lowering import program
+from symgen.lowering import straight_line
 from symgen.lowering.expressions import Constant, Negative, Product, Quotient, Reference, Sum
 from symgen.lowering.kernel import Assignment, Block, Kernel, Program, Store
 from symgen.precision import FLOAT64
@@ -34,7 +34,7 @@ def test_loops_give_the_bits_of_straight_line_code(name, tmp_path, monkeypatch):
     plain, *expected = runs(name, tmp_path / "plain", monkeypatch)
     monkeypatch.setattr(rolled, "STRAIGHT", 0)
     monkeypatch.setattr(rolled, "LEAST", 0)
-    monkeypatch.setattr(program, "ALL_ZEROS", 0)
+    monkeypatch.setattr(straight_line, "ALL_ZEROS", 0)
     model, *found = runs(name, tmp_path / "rolled", monkeypatch)
     source = next((tmp_path / "rolled").rglob("*_rolled.c")).read_text()
     assert all(f"{name}_{k.name}(" in source for k in model.description.kernels)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from symgen.errors import SceneError
 from symgen.mechanics.sources import linkage_sources
-from symgen.models.couples import COUPLES, joint_couples
+from symgen.models.couples import joint_couples
 from symgen.models.limits import limits_of
 from symgen.models.rods import outputs
 from symgen.models.rods.elimination import is_open, order_of
@@ -94,7 +94,7 @@ def linkage_system(linkage: Linkage) -> System:
             _rank_tolerance(linkage),
             is_open(model),
             costs,
-            COUPLES if couples else "",
+            tuple(m.name for m in couples),
         ),
         references=(REFERENCE,),
         sources=linkage_sources(model.sliding),

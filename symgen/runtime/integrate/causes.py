@@ -21,7 +21,7 @@ def cause(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float = 0.0
 
 
 def _locked(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float) -> str:
-    """Tell whether the friction of bearings does not follow from the forces in them."""
+    """Tell whether friction of bearings is lost as its coefficients rise from zero."""
     if not evaluator.couples:
         return ""
     way = u * (reach / max(float(np.max(np.abs(u), initial=0.0)), 1e-300))
@@ -29,8 +29,8 @@ def _locked(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float) ->
     if not any(np.isnan(out[0]) and np.isfinite(out[1:]).all() for out in tried):
         return ""
     return (
-        "friction of bearings is not found from the forces in them, which it changes by about as much as "
-        "it follows from them: the linkage locks, or is near a dead centre"
+        "the linkage locks: as friction of its bearings rises from none to its coefficients, the forces in "
+        "them come to have no solution"
     )
 
 

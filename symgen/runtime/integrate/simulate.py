@@ -167,7 +167,7 @@ def equations_of(
 ) -> tuple[_core.KernelEquations, Array]:
     """Return the equations of a run from y = (q, u), and y with the work of loads where it is integrated."""
     if evaluator.couples:
-        _check_explicit(evaluator, chosen, typed)
+        _check_explicit(evaluator.description.name, chosen)
     allowed = slack(evaluator, y[: len(y) // 2]) if redundant else np.inf
     if redundant and typed is not None:
         allowed = typed.precision.coarsened(allowed)
@@ -177,18 +177,12 @@ def equations_of(
     return equations, np.append(y, 0.0) if equations.extra else y
 
 
-def _check_explicit(evaluator: Evaluator, chosen: Options, typed: Typed | None) -> None:
-    """Check that a run has what couples by the forces in joints need: an explicit method, and doubles."""
-    name = evaluator.description.name
+def _check_explicit(name: str, chosen: Options) -> None:
+    """Check that a run with couples by the forces in joints is by an explicit method."""
     if chosen.method.kind != "explicit":
         raise ModelError(
             f"{name}: {chosen.method.name} is not for friction of bearings: its slopes are not derived\n"
             "  Choose dop853, dopri5 or rk4."
-        )
-    if typed is not None and not typed.is_plain:
-        raise ModelError(
-            f"{name}: friction of bearings is found to 1e-12 of its size, in float64 alone, "
-            f"not in {typed.precision.name}"
         )
 
 

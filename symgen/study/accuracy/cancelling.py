@@ -8,9 +8,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from symgen.codegen.printers import Printer
-from symgen.lowering.cancellation import lost_digits
 from symgen.lowering.expressions import Node, insert, references, rename
 from symgen.lowering.kernel import Kernel
+from symgen.study.accuracy.cancellation import lost_digits
 from symgen.study.accuracy.kernel_errors import EntryAtState
 from symgen.study.accuracy.kernels import ComparedKernels
 
