@@ -32,12 +32,13 @@ TILT = 0.3
 GAIN = (-1.0, -35.0, -2.6, -8.2)
 #: Settings of symgen: options of the stepper.
 SETTINGS: dict[str, dict[str, Any]] = {
-    "rk4, a step per sample": {"step": H},
+    "rk4, a step per sample": {"method": "rk4", "step": H},
     "dop853": {},
     "taylor": {"method": "taylor"},
 }
 #: Methods of the cost of a call, with fixed steps.
 FIXED = ("rk4", "dop853")
+BY_RUN = "simulate with a controller, rk4"
 PEER = "MuJoCo, RK4"
 #: Bound of the cost of a call [us].
 MOST = 1.0
@@ -114,6 +115,26 @@ def controlled(model: symgen.Model, options: dict[str, Any]) -> Loop:
     return run
 
 
+def by_run(model: symgen.Model) -> Loop:
+    """Return a run with a controller, which returns the states at the ends of samples."""
+    times = np.arange(1, SAMPLES + 1) * H
+
+    def law(_: float, view: symgen.MotionView) -> dict[str, float]:
+        angle, rate = view["pole.angle"], view["pole.angular_velocity"]
+        return {"F": force(view["C.position.x"], math.pi / 2 - angle, view["C.velocity.x"], -rate)}
+
+    def run() -> list[State]:
+        result = model.simulate(
+            SAMPLES * H, controller=law, sample=H, t_eval=times, **SETTINGS[next(iter(SETTINGS))]
+        )
+        place, speed = result["C.position"].values[:, 0], result["C.velocity"].values[:, 0]
+        angle, rate = result["pole.angle"].values, result["pole.angular_velocity"].values
+        rows: list[State] = np.column_stack([place, math.pi / 2 - angle, speed, -rate]).tolist()
+        return rows
+
+    return run
+
+
 def in_mujoco() -> Loop:
     """Return the loop of MuJoCo."""
     import mujoco
@@ -167,6 +188,7 @@ def measured(rounds: int) -> Measurement:
     """Measure errors, loops and calls."""
     model, exact = symgen.build(scene()), reference()
     loops = {name: controlled(model, options) for name, options in SETTINGS.items()}
+    loops[BY_RUN] = by_run(model)
     notes = []
     if importlib.util.find_spec("mujoco"):
         loops[PEER] = in_mujoco()
@@ -184,7 +206,7 @@ def measured(rounds: int) -> Measurement:
         {"loop": name, "6 s [s]": SAMPLES * times[name], "sample [us]": 1e6 * times[name], "error": ""}
         for name in calls
     ]
-    required = [Required(f"error of {name}", errors[name], 1e-8, False) for name in SETTINGS]
+    required = [Required(f"error of {name}", errors[name], 1e-8, False) for name in (*SETTINGS, BY_RUN)]
     for method in FIXED:
         cost = 1e6 * (times[f"{method}: calls"] - times[f"{method}: run"])
         required.append(Required(f"cost of a call, {method} [us]", cost, MOST, False, timed=True))

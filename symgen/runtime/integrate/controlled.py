@@ -127,8 +127,11 @@ class SampledController:
         except SimulationError as error:  # of the motion with these inputs
             self.error, self.problem = error, str(error)
             return _core.ENDED
+        row = self._rows[-1].copy() if self._rows else [*self._stepper.parameters.values()]
+        for name, value in values.items():
+            row[self._stepper._signals[name]] = value
         self._times.append(t)
-        self._rows.append([*self._stepper.parameters.values()])
+        self._rows.append(row)
         until = self._begin + len(self._times) * self._sample
         run.extend(until if until < t_end - _SAME * self._sample else t_end)
         return _core.MORE
@@ -140,6 +143,7 @@ class SampledController:
         if not isinstance(values, Mapping):
             example = next(iter(known), "F")
             raise ModelError(f"expected a dict of inputs, such as {{{example!r}: 2.0}}, got {shown(values)}")
+        checked = {}
         for name, given in values.items():
             value = _scalar(given)
             if name not in known:
@@ -149,7 +153,8 @@ class SampledController:
                 )
             if not is_real(value):
                 raise ModelError(f"expected a finite number for {name}, got {shown(value)}")
-        return {name: float(_scalar(value)) for name, value in values.items()}
+            checked[name] = float(value)
+        return checked
 
     def finished(self, result: Result, status: int) -> Result:
         """Return the result of a run that ended with this status; raise SimulationError for a failure."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from functools import cached_property
 from math import prod
+from typing import Self
 
 import numpy as np
 
@@ -36,6 +38,13 @@ class Kernels:
     def parameters(self) -> Array:
         """The parameters as the kernels take them: see :func:`as_taken`."""
         return as_taken(self.library, self.parameter_values, getattr(self.description, "rank_tolerance", 0.0))
+
+    def at(self, parameters: Array) -> Self:
+        """Return the same kernels with other parameters."""
+        other = copy(self)
+        other.__dict__.pop("parameters", None)
+        other.parameter_values = parameters
+        return other
 
     def has(self, kernel: str) -> bool:
         """Return True if the model has this kernel."""
@@ -86,7 +95,7 @@ class Evaluator(Kernels):
         parameters[first : first + len(values)] = values
         if np.array_equal(parameters, self.parameter_values):
             return self
-        return Evaluator(self.description, self.library, parameters)
+        return self.at(parameters)
 
     @cached_property
     def outputs_by_places(self) -> bool:

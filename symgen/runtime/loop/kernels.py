@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from copy import copy
 from functools import cached_property
 
 import numpy as np
@@ -47,10 +46,9 @@ class LoopKernels(Kernels):
 
     def at(self, parameters: Array) -> LoopKernels:
         """Return the same kernels with other parameters."""
-        other = copy(self)
-        for name in ("parameters", "_slopes", "pitches", "periodic"):
+        other = super().at(parameters)
+        for name in ("_slopes", "pitches", "periodic"):
             other.__dict__.pop(name, None)
-        other.parameter_values = parameters
         return other
 
     def __call__(

@@ -281,18 +281,16 @@ def outputs_by_group(
     redundant: int,
 ) -> tuple[Variable, ...]:
     """Return :func:`outputs` for groups of rows with different parameters."""
-    parts, places = [], []
+    info = evaluator.find("outputs")
+    if info is None or not len(times):
+        return ()
+    out = np.empty((len(times), info.out_size))
     for parameters, rows in groups:
         equations.set_parameters(parameters)
-        at = Evaluator(evaluator.description, evaluator.library, parameters)
-        parts.append(outputs(at, equations, times[rows], states[rows], redundant))
-        places.append(rows)
+        at = evaluator.at(parameters)
+        out[rows] = output_rows(at, equations, times[rows], states[rows], redundant)
     equations.set_parameters(evaluator.parameter_values)
-    order = np.argsort(np.concatenate(places))
-    return tuple(
-        replace(same[0], values=np.concatenate([v.values for v in same])[order])
-        for same in zip(*parts, strict=True)
-    )
+    return shaped(info, out)
 
 
 def continued(variables: tuple[Variable, ...], links: Sequence[str], turns: Array) -> tuple[Variable, ...]:
@@ -315,11 +313,12 @@ def wound(evaluator: Evaluator, references: Array) -> Iterator[tuple[Array, Indi
 
 def grouped(parameters: Array, first: int, values: Array) -> Iterator[tuple[Array, Indices]]:
     """Yield parameters with each distinct row of values, from index ``first`` on, and its occurrences."""
-    kinds, which = np.unique(values, axis=0, return_inverse=True)
-    for kind, row in enumerate(kinds):
+    kinds, which, counts = np.unique(values, axis=0, return_inverse=True, return_counts=True)
+    alike = np.split(np.argsort(which.ravel(), kind="stable"), np.cumsum(counts)[:-1])
+    for row, places in zip(kinds, alike, strict=True):
         in_group = parameters.copy()
         in_group[first : first + len(row)] = row
-        yield in_group, np.flatnonzero(which.ravel() == kind)
+        yield in_group, places
 
 
 def nearest_turn(angles: Array, to: Array) -> Array:

@@ -285,6 +285,12 @@ def check(
         raise ModelError(f"expected a chunk of one run or more, got {chunk}")
     if file is None or table:
         return table
+    if sweep.arguments.get("controller") is not None:
+        raise ModelError(
+            "a store has the results of one sweep, and cannot know whether a controller is still the same\n"
+            "  Sweep without a file, or to a table NAME.csv; or write the law into the scene, without a "
+            "controller."
+        )
     needed("a sweep in a file", "zarr")
     if Path(file).is_dir() and Path(file).suffix == ENDING:
         _part_of(sweep, Zarr(Path(file)))

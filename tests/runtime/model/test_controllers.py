@@ -356,6 +356,14 @@ def test_sweeps_and_optimisations_give_each_run_a_controller_of_its_own(slide):
     assert found.objective == pytest.approx(min(ends_of_discrete_runs(np.linspace(1, 3, 401))), abs=1e-4)
 
 
+def test_stores_of_sweeps_have_no_controller(cart, tmp_path):
+    """Two laws may have one name, so that a store would take results of one for those of the other."""
+    options = {"controller": lambda t, view: {"F": 0.0}, "sample": 0.1, "t_end": 0.2}
+    with pytest.raises(ModelError, match=r"cannot know whether a controller is still the same\n.*NAME.csv"):
+        cart.sweep({"F": [0.0, 1.0]}, analysis="simulate", file=tmp_path / "runs.zarr", **options)
+    assert not any(tmp_path.iterdir())
+
+
 def test_a_controller_without_copies_is_refused_by_many_runs(slide):
     controller = Integral()
     controller.f = slide.rhs
