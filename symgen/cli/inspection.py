@@ -25,13 +25,14 @@ def scenes(
 ) -> None:
     """List the shipped scenes, or print one of them."""
     from symgen.report.tables import table
-    from symgen.scene.loading import read_scene, shipped_scene, shipped_scenes
+    from symgen.scene.loading import machines, read_scene, shipped_scene, shipped_scenes
 
     if name is not None:
         print(shipped_scene(name), end="")
         return
-    rows = [(name, read_scene(name).data.get("title", "")) for name in shipped_scenes()]
-    console().print(table("Shipped scenes", ("name", "mechanism"), rows, texts=(0, 1)))
+    for title, names in (("Shipped scenes", shipped_scenes()), ("Machines of the trades", machines())):
+        rows = [(name, read_scene(name).data.get("title", "")) for name in names]
+        console().print(table(title, ("name", "mechanism"), rows, texts=(0, 1)))
 
 
 @command("symgen new linkage.toml --from crank_rocker")

@@ -20,9 +20,9 @@ def option(*names: str, help: str, group: str | None = "Run", **more: Any) -> An
 
 def _scenes(incomplete: str) -> list[str]:
     """Return the shipped scenes whose names begin with a text, for the shell's completion."""
-    from symgen.scene.loading import shipped_scenes
+    from symgen.scene.loading import machines, shipped_scenes
 
-    return [name for name in shipped_scenes() if name.startswith(incomplete)]
+    return [name for name in shipped_scenes() + machines() if name.startswith(incomplete)]
 
 
 def _writable(noun: str, endings: str | tuple[str, ...]) -> Callable[[Path | None], Path | None]:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from symgen.scene.schema import Scene
 
 SHIPPED = Path(__file__).resolve().parent.parent / "scenes"
+#: Those of the page "From your mechanism to a scene".
+MACHINES = SHIPPED / "machines"
 _LARGEST = 4_000_000
 _DEEPEST = 20  # tables in tables: a scene has four
 _LONGEST_NAME = 40
@@ -48,8 +50,13 @@ class SceneText:
 
 @checked
 def shipped_scenes() -> list[str]:
-    """Return the names of the scenes that come with symgen."""
+    """Return the names of the scenes that come with symgen, without those of :func:`machines`."""
     return sorted(path.stem for path in SHIPPED.glob("*.toml"))
+
+
+def machines() -> list[str]:
+    """Return the names of the shipped machines of the trades."""
+    return sorted(path.stem for path in MACHINES.glob("*.toml"))
 
 
 def shipped_scene(name: str) -> str:
@@ -60,17 +67,18 @@ def shipped_scene(name: str) -> str:
     SceneError
         When no scene of this name comes with symgen.
     """
-    known = shipped_scenes()
-    if name not in known:
+    path = scene_path(name)
+    if path.parent not in (SHIPPED, MACHINES):
+        known = shipped_scenes() + machines()
         raise SceneError(f"no scene called {name!r} comes with symgen", hint=nearest(name, known, _LISTS))
-    return scene_path(name).read_text(encoding="utf-8")
+    return path.read_text(encoding="utf-8")
 
 
 def scene_path(source: str | os.PathLike[str]) -> Path:
     """Return the file of a scene: that of a shipped name, else the path itself."""
     text = os.fspath(source)
-    known = text in shipped_scenes() and not Path(text).suffix
-    return SHIPPED / f"{text}.toml" if known else Path(text)
+    known = {SHIPPED: shipped_scenes(), MACHINES: machines()}
+    return next((folder / f"{text}.toml" for folder in known if text in known[folder]), Path(text))
 
 
 def read_scene(source: str | os.PathLike[str]) -> SceneText:
@@ -128,7 +136,7 @@ def _alike(text: str) -> str:
     with suppress(OSError, ValueError):
         files = [str(file) for file in path.parent.glob("*.toml")]
     file = str(path) if path.suffix == ".toml" else f"{path}.toml"
-    hints = [nearest(file, files), nearest(text, shipped_scenes())]
+    hints = [nearest(file, files), nearest(text, shipped_scenes() + machines())]
     close = [hint for hint in hints if hint.startswith("Did you mean")]
     return " ".join([*close[:1], _LISTS])
 

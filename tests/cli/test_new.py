@@ -5,7 +5,7 @@ from typer.testing import CliRunner
 
 from symgen.cli import app
 from symgen.errors import ResultError, SceneError
-from symgen.scene.loading import SHIPPED, check_scene, read_scene
+from symgen.scene.loading import MACHINES, SHIPPED, check_scene, machines, read_scene, shipped_scenes
 
 
 def invoke(*words):
@@ -29,6 +29,15 @@ def test_unknown_scenes_are_named(words, tmp_path, monkeypatch):
     found = invoke(*words)
     assert isinstance(found.exception, SceneError) and "Did you mean 'crank_rocker'?" in str(found.exception)
     assert not list(tmp_path.iterdir())
+
+
+def test_machines_are_listed_copied_and_run_by_name(tmp_path):
+    listed = invoke("scenes").output.partition("Machines of the trades")[2]
+    assert all(f"{name} " in listed for name in machines()) and len(machines()) >= 15
+    file = tmp_path / "mine.toml"
+    assert invoke("new", str(file), "--from", "excavator").exit_code == 0
+    assert file.read_text(encoding="utf-8") == (MACHINES / "excavator.toml").read_text(encoding="utf-8")
+    assert read_scene("excavator").name == "excavator" and "excavator" not in shipped_scenes()
 
 
 def test_units_are_listed_with_their_published_values():

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import symgen
 
-MACHINES = Path(__file__).parents[1] / "cases" / "machines"
 TIMES = np.array([0.0, 0.11, 0.34, 0.62, 0.9])
 
 
 def test_a_massless_rod_between_two_yokes_is_a_universal_joint():
     """The output shaft leads and lags; its angle is atan(tan(input)/cos(bend))."""
-    run = symgen.build(MACHINES / "hooke_joint.toml").simulate(t_eval=TIMES, rtol=1e-12)
+    run = symgen.build("hooke_joint").simulate(t_eval=TIMES, rtol=1e-12)
     w, bend = 2 * np.pi, np.pi / 6
     turn = w * TIMES
     share = 1 - (np.sin(bend) * np.cos(turn)) ** 2
@@ -29,7 +26,7 @@ def test_a_massless_rod_between_two_yokes_is_a_universal_joint():
 
 def test_a_universal_joint_with_a_common_point_carries_its_shaft():
     """The output shaft has one bearing, which slides along it: the joint holds its other end."""
-    tables = symgen.load_scene(MACHINES / "hooke_joint.toml").model_dump(exclude_none=True)
+    tables = symgen.load_scene("hooke_joint").model_dump(exclude_none=True)
     whole = symgen.build(symgen.Scene(**tables)).simulate(t_eval=TIMES, rtol=1e-12)
     tables["points"]["X"] = {"at": ["0 m", "0 m", "0 m"]}
     tables["points"]["E"] = {"at": tables["points"]["H"]["at"]}
@@ -45,7 +42,7 @@ def test_a_universal_joint_with_a_common_point_carries_its_shaft():
 
 def test_three_points_on_two_parallel_lines_are_a_prismatic_joint():
     """The boom at the distance r rotates with the turret: forces by its radial and angular momentum."""
-    run = symgen.build(MACHINES / "telescope.toml").simulate(t_eval=TIMES, rtol=1e-12)
+    run = symgen.build("telescope").simulate(t_eval=TIMES, rtol=1e-12)
     s, c = np.sin(2 * TIMES), np.cos(2 * TIMES)
     tip = (0.8 + 0.1 * s)[:, None] * np.stack([c, s, 0 * s], axis=1)
     assert run["T.position"].values == pytest.approx(tip, abs=1e-12)
@@ -53,7 +50,7 @@ def test_three_points_on_two_parallel_lines_are_a_prismatic_joint():
     assert run["screw.tension"].values == pytest.approx(20 * (radius * 4 - acceleration), rel=1e-9)
     assert run["turret.torque"].values == pytest.approx(2 * 20 * radius * rate * 2, rel=1e-9)
     assert any("1 of 19 constraints redundant" in note for note in run.notes)
-    model = symgen.build(MACHINES / "telescope.toml")
+    model = symgen.build("telescope")
     forces = model.inverse_dynamics(at=2 * TIMES)  # angles of the turret
     assert forces.time == pytest.approx(TIMES, abs=1e-12)
     assert forces["screw.tension"].values == pytest.approx(20 * (radius * 4 - acceleration), rel=1e-9)
@@ -66,7 +63,7 @@ def test_three_points_on_two_parallel_lines_are_a_prismatic_joint():
 def test_the_motor_of_an_elbow_reacts_on_the_upper_arm(carried):
     """The motor of the shoulder carries both links; if the forearm is driven from the ground, the upper arm alone."""
     change = {} if carried else {"drivers.1.against": None}
-    run = symgen.build(MACHINES / "two_arms.toml", set=change).simulate(samples=2)
+    run = symgen.build("two_arms", set=change).simulate(samples=2)
     elbow, both = 1 * 9.81 * 0.15, 2 * 9.81 * 0.2 + 1 * 9.81 * 0.55
     assert run["fore.torque"].values == pytest.approx(elbow, rel=1e-12)
     assert run["upper.torque"].values == pytest.approx(both if carried else both - elbow, rel=1e-12)

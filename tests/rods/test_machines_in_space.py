@@ -16,11 +16,11 @@ CASES = Path(__file__).parents[1] / "cases"
 
 
 def at_times(name, times):
-    return symgen.build(CASES / "machines" / f"{name}.toml").simulate(t_eval=times, rtol=1e-12)
+    return symgen.build(name).simulate(t_eval=times, rtol=1e-12)
 
 
 def prescribed(name, times):
-    return symgen.build(CASES / "machines" / f"{name}.toml").inverse_dynamics(at=times, over="time")
+    return symgen.build(name).inverse_dynamics(at=times, over="time")
 
 
 def vector(text, unit="0.001"):
@@ -222,7 +222,7 @@ def test_governor():
     times = np.array([0.0, 0.4, 1.3, 2.9, 5.0])
     options = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-14}
     x, v = solve_ivp(rates, (0, 5), start, t_eval=times, **options).y
-    run = symgen.build(CASES / "machines" / "governor.toml").simulate(t_eval=times, rtol=1e-12)
+    run = symgen.build("governor").simulate(t_eval=times, rtol=1e-12)
     assert run["S.position.z"].values == pytest.approx(-2 * length * np.cos(x), abs=1e-9)
     moment, slope = inertia(x)
     fixed = width**2 * arms / 3 + 0.0005  # the arms at their upper ends, and the bar

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import mpmath as mp
 import numpy as np
 import pytest
@@ -11,7 +9,6 @@ from shared.virtual_work import G, efforts, halves, meet, of_rods
 
 import symgen
 
-MACHINES = Path(__file__).parents[1] / "cases" / "machines"
 MM = mp.mpf("0.001")
 
 
@@ -20,7 +17,7 @@ def xy(place):
 
 
 def at_times(name, times):
-    return symgen.build(MACHINES / f"{name}.toml").inverse_dynamics(at=times, over="time")
+    return symgen.build(name).inverse_dynamics(at=times, over="time")
 
 
 def test_jansen_leg():
@@ -154,7 +151,7 @@ def test_whitworth():
         assert found["crank.torque"].values[n] == pytest.approx(torque, abs=1e-8 * 36)
     # Ends of the stroke: the arm is in line with the rail.
     ends = (np.pi + np.arcsin(30 / 80)) / (2 * np.pi), 1 - np.arcsin(30 / 80) / (2 * np.pi)
-    model = symgen.build(MACHINES / "whitworth.toml")
+    model = symgen.build("whitworth")
     stroke = model.kinematics(at=ends, over="time", of=["S"])
     assert stroke["S.velocity"].values == pytest.approx(0, abs=1e-9)
     assert stroke["S.position"].values[:, 0] == pytest.approx([0.3, 0.18], abs=1e-11)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import mpmath as mp
 import numpy as np
 import pytest
@@ -11,11 +9,9 @@ from shared.virtual_work import G, carried, efforts, halves, meet, of_body, of_r
 
 import symgen
 
-MACHINES = Path(__file__).parents[1] / "cases" / "machines"
-
 
 def at_times(name, times):
-    return symgen.build(MACHINES / f"{name}.toml").inverse_dynamics(at=times, over="time")
+    return symgen.build(name).inverse_dynamics(at=times, over="time")
 
 
 def poly345(x):

@@ -56,7 +56,7 @@ def _checked(name: str, array: Array | None, size: int, needed: bool) -> Array:
     written = name in ("work", "out")
     if not isinstance(array, np.ndarray) or array.dtype != float or array.ndim != 1:
         raise TypeError(f"{name} is {array!r}, expected a one-dimensional array of float64")
-    if not array.flags.c_contiguous or written and not array.flags.writeable:
+    if not array.flags.c_contiguous or (written and not array.flags.writeable):
         raise ValueError(f"{name} is a part of an array with gaps, or read only; expected a copy of it")
     if len(array) < size:
         raise ValueError(f"{name} has {len(array)} entries, expected {size}")

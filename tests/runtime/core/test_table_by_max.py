@@ -12,12 +12,11 @@ import pytest
 import symgen
 
 ROOT = Path(__file__).parents[3]
-V_TWIN = ROOT / "tests" / "cases" / "machines" / "v_twin.toml"
 
 
 def by_max():
     """Changes of the scene: straight lines between the points as a sum of changes of slope, repeated by mod."""
-    table = symgen.load_scene(V_TWIN).tables["gas"]
+    table = symgen.load_scene("v_twin").tables["gas"]
     x, y = ([float(value.split()[0]) for value in values] for values in (table.x, table.y))
     points = pairwise(zip([*x, x[0] + 720], [*y, y[0]], strict=True))
     slopes = [(d - b) / np.deg2rad(c - a) for (a, b), (c, d) in points]
@@ -37,7 +36,7 @@ def by_max():
 def test_a_table_and_its_terms_of_max_have_the_counts_of_the_documentation():
     runs, counts = [], []
     for changes in ({"tables.gas.kind": "linear"}, by_max()):
-        run = symgen.build(V_TWIN, set=changes).simulate(method="dop853", rtol=1e-10, samples=41)
+        run = symgen.build("v_twin", set=changes).simulate(method="dop853", rtol=1e-10, samples=41)
         (points,) = [
             int(n[1]) for note in run.notes if (n := re.match(r"steps end on (\d+) switching points", note))
         ]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 import symgen
 from symgen.errors import SimulationError
 
-V_TWIN = Path(__file__).parents[2] / "cases" / "machines" / "v_twin.toml"
 AT = [0, 30, 55, 90, 140, 200, 260, 300, 330]
 FORCES = [1, 8, 5, 3, 2, 1, 1.5, 2, 4]
 RATE, END = 2.0, 5.0
@@ -342,12 +340,12 @@ def test_a_cam_with_dwells_repeats(method):
 
 def test_the_torque_of_a_v_twin_is_that_of_its_energy():
     """Against the kinetic energy of pistons and uniform rods, and the work of the spline."""
-    tables = symgen.load_scene(V_TWIN).tables["gas"]
+    tables = symgen.load_scene("v_twin").tables["gas"]
     x = np.deg2rad([float(v.split()[0]) for v in tables.x] + [720])
     y = np.array([float(v.split()[0]) for v in tables.y] + [float(tables.y[0].split()[0])]) * 1e5
     gas = CubicSpline(x, y, bc_type="periodic")
     throw, rod, area, w, half = 0.048, 0.170, 62e-4, 100 * math.pi, math.pi / 8
-    run = symgen.build(V_TWIN).simulate(rtol=1e-12, samples=41)
+    run = symgen.build("v_twin").simulate(rtol=1e-12, samples=41)
     torque = np.zeros(41)
     for axis, fires in ((math.pi / 2 + half, 0.0), (math.pi / 2 - half, TURN)):
         f = run["crank.angle"].values - axis
