@@ -196,7 +196,9 @@ def test_four_bar_with_four_bearings_against_newton_and_euler():
     assert np.max(np.abs(np.unwrap(without["crank.angle"].values.ravel()) - truth.y[0])) > 0.1
 
 
-@pytest.mark.parametrize("built", [{}, {"backend": "numpy"}, {"precision": "longdouble"}, {"backend": "mpmath"}])
+@pytest.mark.parametrize(
+    "built", [{}, {"backend": "numpy"}, {"precision": "longdouble"}, {"backend": "mpmath"}]
+)
 def test_couples_that_change_the_forces_much(built):
     """A quarter of the crank as arm of friction, at states along a run, also side by side in lanes."""
     scene = four_bar(coefficient=0.5, radius="50 mm")
