@@ -20,6 +20,7 @@ _DRAWN_BY = {
     "model_html": "symgen.report.notebook.displays",
     "record_html": "symgen.report.notebook.displays",
     "optimum_html": "symgen.report.notebook.displays",
+    "sweep_html": "symgen.report.notebook.displays",
     "widget": "symgen.report.notebook.widget",
 }
 

@@ -11,13 +11,16 @@ from rich.console import Group
 
 from symgen.display import display
 from symgen.errors import SymgenError
-from symgen.report.page.figures import run_figure
-from symgen.report.page.study import print_study
-from symgen.report.sweeps import optimum_study
+from symgen.report.page.figures import plain_figure, run_figure
+from symgen.report.page.study import Study, print_study
+from symgen.report.sweeps import optimum_study, summary, sweep_study
 from symgen.runtime.result.result import Result
 from symgen.symbolic.system import html_table
 
 if TYPE_CHECKING:
+    import xarray
+
+    from symgen.report.page.page import FigureView
     from symgen.runtime.model.compiled import Compiled
     from symgen.runtime.sweeps.optimisation import Optimum
 
@@ -52,9 +55,26 @@ def record_html(record: Any, model: Any, verb: str) -> str:
 
 def optimum_html(optimum: Optimum) -> str:
     """Return the tables of an optimum; its objective is the first quantity with a unit."""
+    return _printed(optimum_study(optimum, next(iter(optimum.units))))
+
+
+def sweep_html(runs: xarray.Dataset) -> str:
+    """Return the curves or maps of a sweep, and its extremes."""
+    study = sweep_study(runs, summary(runs))
+    figures = (plain_figure(*figure, schemes=False) for figure in study.figures)
+    table = f"<details><summary>Extremes</summary>{_printed(study)}</details>"
+    return "".join([*map(_image, figures), table])
+
+
+def _printed(study: Study) -> str:
     printed: Any = _Printed()
-    print_study(optimum_study(optimum, next(iter(optimum.units))), printed)
+    print_study(study, printed)
     return "".join(printed.parts)
+
+
+def _image(figure: FigureView) -> str:
+    caption = f"<p>{escape(figure.caption)}</p>" if figure.caption else ""
+    return f'<img src="{figure.uri}" alt="{escape(figure.alt)}" style="max-width: 100%">{caption}'
 
 
 class _Printed:
@@ -81,6 +101,5 @@ def result_html(result: Result) -> str:
     if result.origin is not None and result.count > 1 and result.statistics.get("wall_s", math.inf) < QUICK:
         parts.append(display("moving_html", result))
     if result.variables and result.count > 1:
-        figure = run_figure(result, schemes=False)
-        parts.append(f'<img src="{figure.uri}" alt="{escape(figure.alt)}" style="max-width: 100%">')
+        parts.append(_image(run_figure(result, schemes=False)))
     return "".join(parts)

@@ -40,6 +40,9 @@ class Film:
     caption: str
     forces: Sequence[Variable] = ()
 
+    def __repr__(self) -> str:
+        return f"<Film {self.result.name!r}: {len(self.sketches)} pictures>"
+
     def _repr_html_(self) -> str:
         return self.framed(plots=True)
 

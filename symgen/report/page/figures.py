@@ -63,10 +63,12 @@ def run_figure(result: Result, *, schemes: bool = True) -> FigureView:
     return FigureView(uri, f"Curves over {label}: {', '.join(drawn)}", caption)
 
 
-def plain_figure(draw: Callable[[], Figure], alt: str, caption: str = "") -> FigureView:
-    """Return a figure that a function draws, in the style of pages."""
+def plain_figure(
+    draw: Callable[[], Figure], alt: str, caption: str = "", *, schemes: bool = True
+) -> FigureView:
+    """Return a figure that a function draws, in the style of pages; without ``schemes`` on white paper."""
     with _styled():
-        return FigureView(_uri(draw()), alt, caption)
+        return FigureView(_uri(draw(), schemes), alt, caption)
 
 
 def error_figure(curves: Sequence[tuple[str, Sequence[tuple[float, float]]]], measured: str) -> FigureView:

@@ -66,6 +66,10 @@ class Sheet:
     paths: Mapping[str, Array]
     unit: tuple[str, float]
 
+    def __repr__(self) -> str:
+        first = self.poses[0]
+        return f"<Sheet {self.title!r}: {len(first.nodes)} joints and points, {len(first.lines)} lines>"
+
     def _whole(self) -> Sketch:
         """Return all poses and paths in one sketch, in the unit of length."""
         first, *others = self.poses

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 #: Most different values of a parameter for which a map is drawn cell by cell.
 _CELLS = 512
+#: Most cells or points of a map that are shapes in vector formats; more are a picture.
+_SHAPES = 10_000
 #: Most runs whose histories are drawn.
 DRAWN = 60
 #: Most paths side by side.
@@ -291,10 +293,10 @@ def _map(panel: Any, x: Any, y: Any, values: Any, alone: bool, colours: Mapping[
     (columns, i), (rows, k) = (np.unique(along, return_inverse=True) for along in (x, y))
     whole = alone and columns.size * rows.size == values.size and max(columns.size, rows.size) <= _CELLS
     if not whole or min(columns.size, rows.size) < 2:
-        return panel.scatter(x, y, c=values, s=12, **colours)
+        return panel.scatter(x, y, c=values, s=12, rasterized=values.size > _SHAPES, **colours)
     cells = np.full((rows.size, columns.size), np.nan)
     cells[k, i] = values
-    drawn = panel.pcolormesh(_edges(columns), _edges(rows), cells, **colours)
+    drawn = panel.pcolormesh(_edges(columns), _edges(rows), cells, rasterized=cells.size > _SHAPES, **colours)
     if colours and np.any(cells < 1.0) and np.any(cells > 1.0):
         panel.contour(columns, rows, cells, levels=[1.0], colors="black")
     return drawn

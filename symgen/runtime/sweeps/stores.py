@@ -50,14 +50,14 @@ class MemoryStore:
 
     def dataset(self) -> xarray.Dataset:
         """Return the results of all runs."""
-        import xarray
+        from symgen.runtime.sweeps.dataset import SweepDataset
 
         entries = self.layout.entries
         variables = {e.name: (("run", *e.dims), self.arrays[e.name], dict(e.attributes)) for e in entries}
         coordinates: dict[str, Any] = {e.name: variables.pop(e.name) for e in entries if e.coordinate}
         if self.layout.axes:
             coordinates["axis"] = list(self.layout.axes)
-        return xarray.Dataset(variables, coordinates, self.attributes)
+        return SweepDataset(variables, coordinates, self.attributes)
 
 
 class Zarr:
