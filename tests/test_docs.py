@@ -107,6 +107,15 @@ def test_the_scenes_of_the_pages_on_scenes_are_built(tmp_path):
         assert symgen.build(file).capabilities
 
 
+@pytest.mark.parametrize("scene", ["four_bar", "crank_rocker", "rssr", "elastic_four_bar"])
+def test_the_page_of_models_has_every_member(scene):
+    page = (DOCS / "api_model.md").read_text("utf-8")
+    listed = {
+        name for line in page.splitlines() if line.startswith(".. auto") for name in line.split(".")[-1:]
+    }
+    assert not {name for name in dir(symgen.build(scene)) if not name.endswith("_many")} - listed
+
+
 #: A scene of the page of machines, the command on it, and lines of its output.
 MACHINE = re.compile(
     r"^```\{literalinclude\} \.\./(\S+)\n:language: toml\n```\n\n```sh\n([^\n]*)\n```\n\n```\n(.*?)\n```$",

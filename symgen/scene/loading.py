@@ -50,7 +50,7 @@ class SceneText:
 
 @checked
 def shipped_scenes() -> list[str]:
-    """Return the names of the scenes that come with symgen, without those of :func:`machines`."""
+    """Return the names of the scenes that come with symgen, without the machines of the trades."""
     return sorted(path.stem for path in SHIPPED.glob("*.toml"))
 
 

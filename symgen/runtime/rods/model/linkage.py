@@ -115,9 +115,9 @@ class LinkageModel(Model):
         """Return a state from the positions [m] and velocities [m/s] of the moving points, by name.
 
         Points without an entry in ``velocities`` are at rest; ground points are ignored. The state is not
-        changed: :meth:`simulate` projects it onto the constraints, :meth:`accelerations` does not.
+        changed: :meth:`Model.simulate` projects it onto the constraints, :meth:`Model.accelerations` does not.
 
-        Instead of points, both may name independent coordinates as in :meth:`linearise`, such as
+        Instead of points, both may name independent coordinates as in :meth:`Model.linearise`, such as
         ``crank.angle`` [rad]: the linkage is moved there from its start, on its assembly branch, by less than
         half a revolution of each angle. Where loads count revolutions, angles beyond are refused.
         ``states`` are first-order states by name; omitted ones are those of the start.
