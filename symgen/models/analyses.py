@@ -73,8 +73,8 @@ OF_LOOPS: dict[str, Callable[[Loop], System]] = {
 }
 
 
-#: Analyses with slopes of loads, or without unknown forces on which loads may depend.
-_BY_SLOPES = ("tangent", "linearisation", "sensitivity", "variation", "vibration", "forces")
+#: Analyses with slopes of loads.
+_BY_SLOPES = ("tangent", "linearisation", "sensitivity", "variation", "vibration")
 
 
 def elastic_systems(linkage: Linkage) -> dict[str, System]:
@@ -100,7 +100,7 @@ def analysis_system(mechanism: Any, kind: str) -> System:
     if kind in _BY_SLOPES and any(load.of_joint for load in mechanism.loads):
         raise ModelError(
             f"{mechanism.name}: friction of bearings follows from the forces in them, and its slopes are not "
-            "derived: implicit methods, derivatives and forces of a prescribed motion do not have it"
+            "derived: implicit methods and derivatives do not have it"
         )
     try:
         return known[kind](mechanism)

@@ -70,12 +70,20 @@ def _check(model: RodsModel, law: JointLaw, where: str) -> None:
             where=where,
             hint="Give a couple by the state: [[torques]].",
         )
+    if model.joint_forces.bears_teeth(law.link, law.point):
+        raise SceneError(
+            f"the force in the bearing of {law.link} at {law.point} is not known: forces at axes of gears lack "
+            "the pressure of the teeth, which depends on radii and pressure angle",
+            where=where,
+            hint="Give a couple by the state: [[torques]].",
+        )
     _check_joint(model, law, where)
 
 
 def _check_joint(model: RodsModel, law: JointLaw, where: str) -> None:
     """Check that the two links, and nothing else, meet at the point: what acts on a pin is not on either."""
-    there = [k.name for k in model.parts if law.point in (*k.base, *(c.name for c in k.carried))]
+    moving = [k for k in model.parts if k.name not in model.idle]  # a rail is part of the ground
+    there = [k.name for k in moving if law.point in (*k.base, *(c.name for c in k.carried))]
     there += [""] * (law.point in model.ground)
     if sorted(there) != sorted({law.link, law.against}):
         names = ", ".join(k or "the ground" for k in there)

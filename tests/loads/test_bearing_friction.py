@@ -308,6 +308,11 @@ def test_a_bearing_that_locks_is_refused():
         model.accelerations(state)
     with pytest.raises(SimulationError, match="the linkage locks"):
         model.simulate(t_end=3.0, state=state)
+    driven = symgen.Scene(
+        **pendulum(coefficient=2.5, radius="100 mm").model_dump(exclude_unset=True)
+        | {"drivers": [{"link": "rod", "angle": "-w*t"}], "parameters": {"w": "10 rad/s"}}
+    )
+    assert np.isfinite(symgen.build(driven).inverse_dynamics(at=[0.0])["rod.torque"].values).all()
 
 
 @pytest.mark.parametrize("method", ["taylor", "radau5", "newmark", "generalized-alpha", "rattle", "rattle4"])
@@ -320,7 +325,7 @@ def test_methods_without_it_are_refused(method):
 
 def test_analyses_without_it_are_refused(tmp_path):
     model = symgen.build(pendulum())
-    for name in ("linearise", "modes", "sensitivity", "inverse_dynamics"):
+    for name in ("linearise", "modes", "sensitivity"):
         assert name not in model.capabilities
         with pytest.raises(CapabilityError, match="friction of its bearings follows from the forces"):
             getattr(model, name)
@@ -361,6 +366,130 @@ def test_three_links_on_one_pin_are_refused():
         SceneError, match="rocker and coupler alone meet, at B there are: coupler, rocker, flap"
     ):
         symgen.build(symgen.Scene(**data))
+
+
+SLIDER = {
+    "w": 12.0,
+    "r": 0.1,
+    "l": 0.35,
+    "m": (0.8, 1.1, 2.3),
+    "arms": (0.0018, 0.0024, 0.0016),
+    "transition": 0.7,
+}
+
+
+def slider_crank(drive="w*t", **parameters):
+    w, r, l, masses, arms = (SLIDER[x] for x in ("w", "r", "l", "m", "arms"))
+    joints = (("crank", "O", {}), ("rod", "A", {"against": "crank"}), ("rod", "B", {"against": "slider"}))
+    return symgen.Scene(
+        name="bearing_slider_crank",
+        parameters={"w": {"value": f"{w} rad/s", "tunable": True}},
+        points={
+            "O": {"at": ["0 m", "0 m"], "ground": True},
+            "E": {"at": ["1 m", "0 m"], "ground": True},
+            "A": {"at": [f"{r} m", "0 m"]},
+            "B": {"on": "slider", "fraction": 0.5},
+            "S": {"at": [f"{r + l - 0.05} m", "0 m"]},
+            "F": {"at": [f"{r + l + 0.05} m", "0 m"]},
+        },
+        links={
+            "crank": {"points": ["O", "A"], "mass": f"{masses[0]} kg", "length": f"{r} m"},
+            "slider": {"points": ["S", "F"], "mass": f"{masses[2]} kg", "length": "0.1 m"},
+            "rod": {"points": ["A", "B"], "mass": f"{masses[1]} kg", "length": f"{l} m"},
+            "rail": {"points": ["O", "E"]},
+        },
+        guides=[{"points": ["S", "F"], "along": "rail"}],
+        gravity={"acceleration": ["0 m/s^2", "-9.81 m/s^2"]},
+        drivers=[{"link": "crank", "angle": drive}],
+        bearings=[
+            {"link": link, "point": point, "coefficient": arm / 0.02, "radius": "20 mm"}
+            | {"transition": f"{SLIDER['transition']} rad/s"} | against
+            for (link, point, against), arm in zip(joints, arms, strict=True)
+        ],
+        analysis={"t_end": "0.5 s", "outputs": ["crank.torque", *(f"bearings.{i}.torque" for i in range(3))]},
+    )  # fmt: skip
+
+
+def forces_of_slider_crank(angle):
+    """Drive torque, couples, forces on the rod and of the guides, by the balances of three bodies."""
+    w, r, l, (m1, m2, m3) = (SLIDER[x] for x in ("w", "r", "l", "m"))
+    b = np.arcsin(-r * np.sin(angle) / l)  # direction of the rod
+    wb = -r * w * np.cos(angle) / (l * np.cos(b))
+    ab = (r * w**2 * np.sin(angle) + l * wb**2 * np.sin(b)) / (l * np.cos(b))
+    u, n, v, k = (
+        np.array([np.cos(angle), np.sin(angle)]), np.array([-np.sin(angle), np.cos(angle)]),
+        np.array([np.cos(b), np.sin(b)]), np.array([-np.sin(b), np.cos(b)]),
+    )  # fmt: skip
+    crank, at_a = -(w**2) * r / 2 * u, -(w**2) * r * u
+    rod = at_a + l / 2 * (ab * k - wb**2 * v)
+    slider = at_a + l * (ab * k - wb**2 * v)
+    assert abs(slider[1]) < 1e-9
+    weight = np.array([0, -G])
+    # unknowns: O on the crank, A on the rod, B on the rod, both guides on the slider, torque
+    matrix, right = np.zeros((9, 9)), np.zeros(9)
+    matrix[0:2, 0:2], matrix[0:2, 2:4], right[0:2] = np.eye(2), -np.eye(2), m1 * (crank - weight)
+    matrix[2, 0:2], matrix[2, 2:4], matrix[2, 8] = -r / 2 * n, -r / 2 * n, 1.0
+    matrix[3:5, 2:4], matrix[3:5, 4:6], right[3:5] = np.eye(2), np.eye(2), m2 * (rod - weight)
+    matrix[5, 2:4], matrix[5, 4:6], right[5] = -l / 2 * k, l / 2 * k, m2 * l**2 / 12 * ab
+    matrix[6:8, 4:6], matrix[7, 6:8], right[6:8] = -np.eye(2), 1.0, m3 * (slider - weight)
+    matrix[8, 6:8] = -0.05, 0.05
+    rates = np.array([w, wb - w, wb])  # crank on the ground, rod on the crank, rod on the slider
+    sliding = rates / np.hypot(rates, SLIDER["transition"])
+
+    def solved(couples):
+        o, a, b = couples
+        known = right.copy()
+        known[[2, 5, 8]] -= [o - a, a + b, -b]
+        return np.linalg.solve(matrix, known)
+
+    def missed(couples):
+        x = solved(couples)
+        sizes = np.array([np.hypot(*x[i : i + 2]) for i in (0, 2, 4)])
+        return couples + np.array(SLIDER["arms"]) * sizes * sliding
+
+    couples = root(missed, np.zeros(3), tol=1e-15).x
+    assert np.max(np.abs(missed(couples))) < 1e-12
+    return couples, solved(couples)
+
+
+def test_the_torque_of_a_drive_overcomes_friction():
+    """Inverse dynamics of a slider-crank with friction in three bearings, against Newton and Euler."""
+    model = symgen.build(slider_crank())
+    found = model.inverse_dynamics(samples=25)
+    for i, angle in enumerate(SLIDER["w"] * found.times):
+        couples, x = forces_of_slider_crank(angle)
+        size = np.max(np.abs(x[:8]))
+        for name, values in (("rod.A.force", x[2:4]), ("rod.B.force", x[4:6]), ("crank.O.force", x[0:2])):
+            assert found[name].values[i] == pytest.approx(values, abs=1e-9 * size), name
+        of_guides = [found[f"rail.{p}.guide_force"].values[i] for p in "SF"]
+        assert of_guides == pytest.approx(x[6:8], abs=1e-9 * size)
+        of_model = [found[f"bearings.{k}.torque"].values[i] for k in range(3)]
+        assert of_model == pytest.approx(couples, abs=1e-9 * np.max(np.abs(couples)))
+        assert found["crank.torque"].values[i] == pytest.approx(x[8], abs=1e-9 * np.max(np.abs(x[8])))
+    assert found.statistics["residual"] < 1e-12
+    run = model.simulate(t_end=0.5, samples=25)
+    both = model.inverse_dynamics_many({"w": [12.0, 15.0]}, stop=0.5, samples=25)
+    assert both["crank.torque"].values[0] == pytest.approx(found["crank.torque"].values, abs=1e-9)
+    assert run["crank.torque"].values == pytest.approx(found["crank.torque"].values, abs=1e-6)
+
+
+def test_bearings_of_gears_are_refused():
+    """Gears join couples alone: forces at their axes lack the pressure of the teeth, and say so."""
+    data = pressed("rod", "crank", "rod").model_dump(exclude_unset=True)
+    data |= {"gears": [{"links": ["crank", "wheel"], "teeth": [20, 40]}]}
+    data["points"] |= {"W": {"at": ["0 m", "0.4 m"], "ground": True}, "V": {"at": ["0.1 m", "0.4 m"]}}
+    data["links"] |= {"wheel": {"points": ["W", "V"], "mass": "1 kg"}}
+    outputs = {
+        "outputs": ["crank.O.force", "wheel.W.force", "W.reaction", "crank.A.force", "bearings.0.torque"]
+    }
+    run = symgen.build(symgen.Scene(**data | {"analysis": outputs})).simulate(t_end=0.01)
+    assert [run[name].attrs["long_name"].endswith("gear teeth") for name in outputs["outputs"]] == [
+        True, True, True, False, False
+    ]  # fmt: skip
+    for link, point in (("crank", "O"), ("wheel", "W")):
+        bearing = BEARING | {"link": link, "point": point}
+        with pytest.raises(SceneError, match=f"the force in the bearing of {link} at {point} is not known"):
+            symgen.build(symgen.Scene(**data | {"bearings": [bearing]}))
 
 
 def pressed(link, against, carrier, **changes):

@@ -85,6 +85,20 @@ class JointForces:
         own = [self._at_axis(part, point)] if isinstance(part, SpatialBody) else []
         return _sum([self._of_point(part, point), *own, *self._along_lines(link, point)])
 
+    def bears_teeth(self, link: str, point: str) -> bool:
+        """Return whether a link is joined at an axis of gears: forces there lack the pressure of the teeth.
+
+        Through the axes it passes from a gear to the carrier, and from there to the ground.
+        """
+        there = {k.name for k in self.model.parts if point in _points(k) and k.name not in self.model.idle}
+        there |= {""} if point in self.model.ground else set()
+        return link in there and any(
+            pair.carrier in there
+            if link in pair.links
+            else link == pair.carrier and not there.isdisjoint({*pair.links, ""})
+            for pair in self.model.linkage.gears
+        )
+
     def _is_held_without(self, link: str, point: str) -> bool:
         """Return whether other joints of a link leave the force at a point of it open."""
         shared = any((k.name, p.name) == (link, point) for k, p in self.model.shared)

@@ -23,12 +23,17 @@ if TYPE_CHECKING:
     from symgen.models.rods.linkage import RodsModel
 
 
+_WITHOUT_TEETH = ", without the pressure of gear teeth"
+
+
 def _reaction(model: RodsModel, name: str) -> Entries:
     if name not in model.ground:
         raise SceneError(
             f"{name} is not a ground point, so it has no reaction", hint=f"Ground: {', '.join(model.ground)}."
         )
-    return model.shown(model.reaction(name)), "N", f"force of the ground on the linkage at {name}"
+    about = f"force of the ground on the linkage at {name}"
+    geared = any(model.joint_forces.bears_teeth(part.name, name) for part in model.parts)
+    return model.shown(model.reaction(name)), "N", about + _WITHOUT_TEETH * geared
 
 
 def _tension(model: RodsModel, name: str) -> Entries:
@@ -138,7 +143,8 @@ def _transmission_angle(model: RodsModel, *corner: str) -> Entries:
 
 def _force(model: RodsModel, link: str, point: str) -> Entries:
     force = model.shown(model.joint_forces.on(link, point))
-    return force, "N", f"force on {link} at {point} from joined components"
+    about = f"force on {link} at {point} from joined components"
+    return force, "N", about + _WITHOUT_TEETH * model.joint_forces.bears_teeth(link, point)
 
 
 def _of_drive(word: str, model: RodsModel, name: str) -> Entries:

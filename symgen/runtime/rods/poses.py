@@ -29,19 +29,23 @@ class Poses:
     references
         References of angles in loads [rad], which count revolutions from the start, shape (poses, angles);
         None where all are 0.
+    unknowns
+        Accelerations, multipliers and couples by the equations of motion, (poses, unknowns), of linkages
+        whose loads depend on them; else None.
     """
 
     times: Array
     states: Array
     references: Array | None = None
+    unknowns: Array | None = None
 
     def __len__(self) -> int:
         return len(self.times)
 
     def __getitem__(self, which: Indices) -> Poses:
         """Return some of them, by their numbers."""
-        references = None if self.references is None else self.references[which]
-        return Poses(self.times[which], self.states[which], references)
+        references, unknowns = (x if x is None else x[which] for x in (self.references, self.unknowns))
+        return Poses(self.times[which], self.states[which], references, unknowns)
 
     @property
     def q(self) -> Array:
@@ -68,6 +72,7 @@ class Poses:
 
     def many(self, evaluator: Evaluator, kernel: str, work: Array | None = None) -> Array:
         """Return the results of a kernel of loads at all poses, (poses, entries), given ``work`` of each."""
+        work = self.unknowns if work is None else work
         out = np.empty((len(self), evaluator.info(kernel).out_size))
         for of, rows in self.wound(evaluator):
             memory = None if work is None else work[rows]

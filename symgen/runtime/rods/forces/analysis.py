@@ -101,6 +101,8 @@ def analyse(
     if over.spread:
         times = np.sort(followed.samples.times)
     poses = sampled(constraints, followed, times, over.at is not None, linkage.at, partial(_at_pose, linkage))
+    if constraints.evaluator.couples:
+        poses = _with_couples(linkage, poses)
     assembly = Assembly(constraints, loads, poses, request.elements)
     solution = by_multipliers(constraints, loads, poses, assembly) or solve(assembly)
     unknown = np.flatnonzero(~np.isfinite(solution.x).all(axis=1))
@@ -118,6 +120,30 @@ def analyse(
         assembly = Assembly(constraints, loads, poses, request.elements)
         solution = solve(assembly)
     return _recorded(linkage, assembly, solution, poses, followed, request, over, notes, began)
+
+
+def _with_couples(linkage: _Linkage, poses: Poses) -> Poses:
+    """Return poses with the couples by the forces in joints, by the equations of motion."""
+    unknowns = solutions(linkage.constraints, linkage.redundant, poses)
+    for i in np.flatnonzero(~np.isfinite(unknowns).all(axis=1)).tolist():
+        t = float(poses.times[i])
+        reason = cause(linkage.constraints.evaluator, t, poses.q[i], poses.u[i])
+        reason = reason or "a load there is not a number"
+        raise SimulationError(f"no finite forces at {linkage.at(t)}: {reason}", time=t)
+    return replace(poses, unknowns=unknowns)
+
+
+def solutions(constraints: Constraints, redundant: int, poses: Poses) -> Array:
+    """Return accelerations, multipliers and couples by the equations of motion, (poses, unknowns)."""
+    evaluator = constraints.evaluator
+    equations = evaluator.equations(redundant)
+    rows = np.zeros((len(poses), equations.dim))
+    rows[:, : 2 * constraints.n] = poses.states[:, :2].reshape(len(poses), -1)
+    found = np.empty((len(poses), constraints.n + constraints.m + evaluator.couples))
+    for of, numbers in poses.wound(evaluator):
+        equations.set_parameters(of.parameter_values)
+        found[numbers] = equations.solutions(poses.times[numbers], rows[numbers])[:, : found.shape[1]]
+    return found
 
 
 def _checked(request: LinkageForces) -> LinkageForces:

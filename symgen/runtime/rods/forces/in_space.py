@@ -15,7 +15,7 @@ from symgen.runtime.result.recording import of_points
 from symgen.runtime.result.records import Drift, Variable, converters, of_model
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.constraints import Constraints
-from symgen.runtime.rods.forces.analysis import sampled, selected
+from symgen.runtime.rods.forces.analysis import sampled, selected, solutions
 from symgen.runtime.rods.kinematics import driven, follow, with_references
 from symgen.runtime.rods.poses import Poses
 from symgen.runtime.rods.recorded_motion import coordinate_of
@@ -119,13 +119,6 @@ def _conditions(constraints: Constraints, poses: Poses) -> Array:
 
 def _disagreement(constraints: Constraints, redundant: int, poses: Poses) -> float:
     """Return the largest difference of accelerations by forces from those by drives, over the largest one."""
-    evaluator, n = constraints.evaluator, constraints.n
-    equations = evaluator.equations(redundant)
-    rows = np.zeros((len(poses), equations.dim))
-    rows[:, : 2 * n] = poses.states[:, :2].reshape(len(poses), -1)
-    found = np.empty((len(poses), n))
-    for of, numbers in poses.wound(evaluator):
-        equations.set_parameters(of.parameter_values)
-        found[numbers] = equations.solutions(poses.times[numbers], rows[numbers])[:, :n]
+    found = solutions(constraints, redundant, poses)[:, : constraints.n]
     size = float(np.max(np.abs(poses.accelerations), initial=0.0))
     return float(np.max(np.abs(found - poses.accelerations), initial=0.0)) / (size or 1.0)

@@ -23,9 +23,15 @@ def by_multipliers(
     -------
     Solution or None
         None where the multipliers do not determine all forces: near a pose in which J is singular, with
-        redundant constraints, and for links whose joint forces need more than multipliers.
+        redundant constraints, and for links whose joint forces need more than multipliers; and where loads
+        depend on forces.
     """
-    if constraints.m != constraints.n or not loads.has("joint_forces") or not len(poses):
+    if (
+        poses.unknowns is not None
+        or constraints.m != constraints.n
+        or not loads.has("joint_forces")
+        or not len(poses)
+    ):
         return None
     multipliers, quality = np.empty((len(poses), constraints.m)), np.empty((len(poses), 2))
     for kernels, rows in poses.wound(loads):

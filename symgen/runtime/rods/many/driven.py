@@ -308,7 +308,8 @@ def driven_runs(
     if arguments.get("at") is not None or arguments.get("over") is not None:
         return None
     loads = model.analysis("forces") if with_forces else None
-    if loads and (not loads.has("joint_forces") or model.evaluator.has("line_lengths")):
+    in_turn = model.evaluator.has("line_lengths") or model.evaluator.couples
+    if loads and (not loads.has("joint_forces") or in_turn):
         return None
     motion, forces = model.in_lanes("kinematics"), model.in_lanes("forces") if loads else None
     width = lanes_of(motion[1], motion[0].name)[0] if motion[1].backend == "c" else 1

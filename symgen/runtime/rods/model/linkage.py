@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 #: Analyses of loads that follow from the state alone.
-_OF_LOADS_OF_STATES = ("inverse_dynamics", "linearise", "modes", "sensitivity")
+_OF_LOADS_OF_STATES = ("linearise", "modes", "sensitivity")
 
 
 @checked
@@ -203,11 +203,7 @@ class LinkageModel(Model):
 
     def _refused(self, name: str) -> str | None:
         if name in _OF_LOADS_OF_STATES and self.evaluator.couples:
-            instead = "\n  Simulate it with LINK.torque among the outputs." * (name == "inverse_dynamics")
-            return (
-                "friction of its bearings follows from the forces in them; its slopes are not derived"
-                + instead
-            )
+            return "friction of its bearings follows from the forces in them; its slopes are not derived"
         driven = name in ("kinematics", "inverse_dynamics", "assemblies")
         if driven and self.description.states:
             return (
