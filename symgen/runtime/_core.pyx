@@ -605,6 +605,16 @@ cdef class KernelEquations(Integrable):
         self.make(&wanted, &functions)
         self.bound(p)
 
+    def copy(self) -> KernelEquations:
+        """Return equations of the same model with their own memory, which holds the same."""
+        cdef KernelEquations made = KernelEquations.__new__(KernelEquations)
+        made.of, made.libraries, made.places = self.of, self.libraries, self.places
+        made.make(&self.core.sizes, &self.core.kernels)
+        made.n, made.m, made.extra, made.dim = self.n, self.m, self.extra, self.dim
+        made.core.revision = self.core.revision
+        memcpy(made.memory.at, self.memory.at, self.memory.bytes)
+        return made
+
 
 cdef int _check_nodes(nodes, counts, double t0, double t_end) except -1:
     """Raise ValueError where steps between nodes would not lead from the start of a run to its end."""
@@ -672,9 +682,9 @@ cdef class Run:
     cdef const long[::1] counts
 
     def __init__(self, Integrable equations, method: Method, double t0, const double[::1] y0, double t_end, double rtol,
-                 double atol, double step, const double[::1] times, *, long stabilisation=0, double max_drift=INFINITY,
+                 double atol, double step, const double[::1] times, long stabilisation=0, double max_drift=INFINITY,
                  double max_step=0.0, bint places_only=False, directions: Sequence[int] = (),
-                 terminal: Sequence[int] = (), const double[::1] nodes=None, counts: ArrayLike = (),
+                 terminal: Sequence[int] = (), *, const double[::1] nodes=None, counts: ArrayLike = (),
                  bint continues=False):
         cdef const signed char[::1] ways, effects
         cdef const signed char *way = NULL

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from libc.string cimport memcpy
+
 from symgen.runtime._core cimport (
     Core, Integrable, Memory, Reals, at_least, equations, functions_of, interrupted, kernel_of, kernel_t, memory_of,
 )
@@ -130,11 +132,27 @@ cdef class LoopEquations(Integrable):
         self.of, self.size, self.rank, self.out_size, self.sizes = core, size, rank, out_size, wanted
         self.libraries = (library,)
         self.api = core.api.loops
-        self.memory = memory_of(self.api.loop_struct, self.api.bytes(&wanted))
-        self.core = <equations *>self.memory.structure
-        self.api.bind(<loop *>self.core, &wanted, &functions, &self.numbers[0], &self.lengths[0], self.balls, self.memory.at)
-        self.seen = (<loop *>self.core).seen
+        self._bind(&functions)
         self.bound(parameters)
+
+    cdef void _bind(self, const loop_kernels *functions):
+        self.memory = memory_of(self.api.loop_struct, self.api.bytes(&self.sizes))
+        self.core = <equations *>self.memory.structure
+        self.api.bind(<loop *>self.core, &self.sizes, functions, &self.numbers[0], &self.lengths[0], self.balls, self.memory.at)
+        self.seen = (<loop *>self.core).seen
+
+    def copy(self) -> LoopEquations:
+        """Return equations of the same loop with their own memory, which holds the same."""
+        cdef LoopEquations made = LoopEquations.__new__(LoopEquations)
+        made.of, made.libraries, made.api, made.sizes = self.of, self.libraries, self.api, self.sizes
+        made.size, made.rank, made.out_size = self.size, self.rank, self.out_size
+        made.numbers, made.lengths = self.numbers, self.lengths
+        memcpy(made.balls, self.balls, sizeof(self.balls))
+        made.n, made.m, made.extra, made.dim = self.n, self.m, self.extra, self.dim
+        made._bind(&(<loop *>self.core).kernels)
+        made.core.revision = self.core.revision
+        memcpy(made.memory.at, self.memory.at, self.memory.bytes)
+        return made
 
     @property
     def closure(self) -> float:

@@ -101,9 +101,9 @@ static struct beam_steps steps_of(const struct run *run) {
     return place(run->e, counts, run->scheme.numbers, 0, run->own, &total);
 }
 
-static size_t bytes(const struct equations *e, const long *counts) {
+static size_t bytes(const struct run *run, const long *counts) {
     size_t total;
-    place(e, counts, NULL, counts[0] > 0, NULL, &total);
+    place(run->e, counts, NULL, counts[0] > 0, NULL, &total);
     return total;
 }
 

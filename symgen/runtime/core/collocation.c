@@ -68,9 +68,9 @@ static size_t place(const struct equations *e, ptrdiff_t stages, void *memory, s
     return ARENA_PLACE(arrays, memory);
 }
 
-static size_t bytes(const struct equations *e, const long *counts) {
+static size_t bytes(const struct run *run, const long *counts) {
     struct collocation c;
-    return place(e, counts[0], NULL, &c);
+    return place(run->e, counts[0], NULL, &c);
 }
 
 /* Counts: stages. Numbers: those of struct collocation, in its order. */

@@ -9,7 +9,7 @@ int (*core_interrupted)(void) = NULL;
 
 const struct behaviour kernel_behaviour = {
     accelerate, derivative, position_error, velocity_error, factorise,
-    project, project_places, make_tangent, measure_energy, .rounding = 0.1,
+    look, project, project_places, make_tangent, measure_energy, .rounding = 0.1,
 };
 
 /* Point all arrays into memory, or only count their bytes. */
@@ -146,22 +146,21 @@ real velocity_error(struct equations *e, real t, const real *y) {
 
 /* Part of an unknown's pivot that remains after cancellation: the pivot over the sum of its terms of equal sign. That
    sum is zero only if the unknown is undetermined. */
-static double part_left(const struct equations *e, long unknown) {
-    const real *pivot = e->factors + e->sizes.first_pivot + 2 * unknown;
+static double part_left(const struct equations *e, const real *factors, long unknown) {
+    const real *pivot = factors + e->sizes.first_pivot + 2 * unknown;
     real sign = unknown < e->n ? R(1) : R(-1);
     return pivot[1] != 0 ? (double)(sign * pivot[0] / real_fabs(pivot[1])) : 0.0;
 }
 
-int factorise(struct equations *e, real t, const real *y) {
+/* Watch the pivots of a factor; `dropped` may be NULL. */
+static int judge(struct equations *e, const real *factors, char *dropped) {
     struct account *found = e->account;
     long n = e->n, m = e->m, redundant = e->sizes.redundant;
     double tolerance = e->sizes.rank_tolerance;
     int finite = 1;
-    e->kernels.factor(&t, y, y + n, e->p, e->factors, e->out);
-    found->factorisations++;
     found->weakest = -1, found->soundness = INFINITY, found->lost = 0;
     for (long i = 0; i < n; i++) {
-        double ratio = part_left(e, i);
+        double ratio = part_left(e, factors, i);
         if (!isfinite(ratio)) {
             finite = 0;
         } else if (ratio <= MASSLESS) {
@@ -170,8 +169,9 @@ int factorise(struct equations *e, real t, const real *y) {
         }
     }
     for (long i = 0; i < m; i++) {
-        double ratio = part_left(e, n + i);
-        e->dropped[i] = ratio <= tolerance;
+        double ratio = part_left(e, factors, n + i);
+        if (dropped)
+            dropped[i] = ratio <= tolerance;
         if (!isfinite(ratio)) {
             finite = 0;
         } else if (ratio <= tolerance && found->lost < redundant) {
@@ -183,6 +183,18 @@ int factorise(struct equations *e, real t, const real *y) {
     if (!finite)
         return NOT_FINITE;
     return found->soundness <= tolerance || found->lost < redundant ? SINGULAR : DONE;
+}
+
+int factorise(struct equations *e, real t, const real *y) {
+    e->kernels.factor(&t, y, y + e->n, e->p, e->factors, e->out);
+    e->account->factorisations++;
+    return judge(e, e->factors, e->dropped);
+}
+
+int look(struct equations *e, real t, const real *y) {
+    e->kernels.factor(&t, y, y + e->n, e->p, e->work, e->out);
+    e->account->factorisations++;
+    return judge(e, e->work, NULL);
 }
 
 void solve_factored(struct equations *e, real t, const real *y, real *b) {

@@ -127,6 +127,8 @@ struct behaviour {
     real (*position_error)(struct equations *e, real t, const real *y);
     real (*velocity_error)(struct equations *e, real t, const real *y);
     int (*factorise)(struct equations *e, real t, const real *y);
+    /* The account of the pivots at y, as by `factorise`, but the last factor stays; NULL: it does not. */
+    int (*look)(struct equations *e, real t, const real *y);
     int (*project)(struct equations *e, real t, real *y);
     int (*project_places)(struct equations *e, real t, real *y); /* NULL if positions and velocities are projected
                                                                     together */
@@ -206,6 +208,9 @@ real velocity_error(struct equations *e, real t, const real *y);
 
 /* Factorise [M J^T; J 0] at y into e->factors and watch the pivots: DONE, SINGULAR or NOT_FINITE. */
 int factorise(struct equations *e, real t, const real *y);
+
+/* Watch the pivots at y alone: e->work has that factor. */
+int look(struct equations *e, real t, const real *y);
 
 /* Solve [M J^T; J 0] x = b in place, b of n + m reals, with the last factor. */
 void solve_factored(struct equations *e, real t, const real *y, real *b);

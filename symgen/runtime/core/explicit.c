@@ -9,8 +9,8 @@
 #include "tableau.h"
 
 /* `own` holds the derivatives of all stages, a row each, and a row of scratch. */
-static size_t bytes(const struct equations *e, const long *counts) {
-    return (size_t)((counts[ALL_STAGES] + 1) * e->dim) * sizeof(real);
+static size_t bytes(const struct run *run, const long *counts) {
+    return (size_t)((counts[ALL_STAGES] + 1) * run->dim) * sizeof(real);
 }
 
 static ptrdiff_t numbers(const long *counts) {

@@ -153,13 +153,30 @@ static void units_of_meeting(const struct loop *l, real *units) {
 /* Write the changes of all variables that close unit errors of closure, n rows of ROWS; times efforts, transposed, they are
    the closing wrench: its moment, then its force. */
 static void closing_changes(struct loop *l, real *changes) {
+    const struct qr *f = &l->factor;
+    real b[ROWS][ROWS] = {{0}};
     memset(changes, 0, (size_t)(ROWS * l->sizes.n) * sizeof(real));
-    for (long c = 0; c < ROWS; c++) {
-        real b[ROWS] = {0}, x[MOST];
-        b[c] = 1;
-        loop_solve(l, b, x);
-        for (long k = 0; k < l->sizes.solved; k++)
-            changes[ROWS * l->solved[k] + c] = x[k];
+    for (int c = 0; c < ROWS; c++)
+        b[c][c] = c < 3 ? 1 : 1 / l->size;
+    for (long k = 0; k < f->steps; k++) { /* all columns of b side by side, each as by qr_solve */
+        const real *v = f->vectors + ROWS * k;
+        real total[ROWS];
+        for (int c = 0; c < ROWS; c++)
+            total[c] = f->beta[k] * ((v[0] * b[0][c] + v[1] * b[1][c]) + (v[2] * b[2][c] + v[3] * b[3][c])
+                                     + (v[4] * b[4][c] + v[5] * b[5][c]));
+        for (int i = 0; i < ROWS; i++)
+            for (int c = 0; c < ROWS; c++)
+                b[i][c] -= total[c] * v[i];
+    }
+    for (long k = l->sizes.rank - 1; k >= 0; k--) {
+        const long j = l->solved[f->order[k]];
+        for (int c = 0; c < ROWS; c++)
+            b[k][c] /= f->r[ROWS * k + k];
+        for (long i = 0; i < k; i++)
+            for (int c = 0; c < ROWS; c++)
+                b[i][c] -= f->r[ROWS * k + i] * b[k][c];
+        for (int c = 0; c < ROWS; c++)
+            changes[ROWS * j + c] = b[k][c] * l->scale[j];
     }
 }
 

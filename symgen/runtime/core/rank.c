@@ -14,6 +14,7 @@ static int is_polynomial(const struct run *run, real t) {
 /* Return the least pivot's part at a time of the last two steps, by the polynomial of the step or by cubic interpolation. */
 static double soundness(struct run *run, real t, real t_new) {
     const struct state *s = run->state;
+    struct equations *e = run->e;
     int last = t >= s->t;
     real start = last ? s->t : s->t_old, h = last ? t_new - s->t : s->t - s->t_old, x = (t - start) / h;
     const real *y0 = last ? run->y : run->y_old, *y1 = last ? run->y_new : run->y;
@@ -25,8 +26,23 @@ static double soundness(struct run *run, real t, real t_new) {
         for (long i = 0; i < run->e->n; i++)
             run->error[i] = y0[i] + x * x * (R(3) - R(2) * x) * (y1[i] - y0[i])
                             + h * x * (R(1) - x) * ((R(1) - x) * u0[i] - x * u1[i]);
-    run->e->of->factorise(run->e, t, run->error);
-    return run->e->account->soundness;
+    (e->of->look ? e->of->look : e->of->factorise)(e, t, run->error);
+    return e->account->soundness;
+}
+
+/* A look at the least pivot: its time and its part. */
+struct look {
+    real t;
+    double part;
+};
+
+/* Whether the root of the pivot's part may pass zero between two looks. It would do so about where it falls to zero linearly
+   from both: the part there is below half of the `least` of the looks, unless the slope of the root changes by its size. */
+static int may_vanish(struct run *run, struct look a, struct look b, double least, real t_new) {
+    const real from = R(sqrt(fmax(a.part, 0.0))), to = R(sqrt(fmax(b.part, 0.0)));
+    if (!(least > PASSAGE) || !real_isfinite(from + to))
+        return 1;
+    return !(soundness(run, a.t + (b.t - a.t) * (from / (from + to)), t_new) > 0.5 * least);
 }
 
 /* Search between a and b for the instant at which the constraints are nearest to a loss of rank. Towards a loss of rank
@@ -78,10 +94,12 @@ void look_inside(struct run *run, real t_new) {
     }
 }
 
-/* Follow the least pivot through the step and locate its minima. The two previous looks are (t_before, at_before) and
-   (t_look, at_look). */
+/* Follow the least pivot through the step and locate its zeros, near minima. The two previous looks are
+   (t_before, at_before) and (t_look, at_look). */
 void watch_rank(struct run *run, real t_new, double sound) {
     struct state *s = run->state;
+    struct account *account = run->e->account;
+    const struct account at_end = *account;
     const int parts = parts_of_step(run, t_new - s->t);
     if (run->e->m == 0 || (s->sound == 1.0 && sound == 1.0))
         return;
@@ -90,12 +108,18 @@ void watch_rank(struct run *run, real t_new, double sound) {
     for (int k = 1; k <= parts; k++) {
         real t = s->t + R(k) * (t_new - s->t) / R(parts);
         double at = k == parts ? sound : s->looks[k - 1];
-        if (s->at_look <= s->at_before && s->at_look < at)
-            look_for_passage(run, s->t_before, t, t_new);
+        const struct look before = {s->t_before, s->at_before}, last = {s->t_look, s->at_look}, next = {t, at};
+        if (last.part <= before.part && last.part < at
+            && (may_vanish(run, before, last, last.part, t_new) || may_vanish(run, last, next, last.part, t_new)))
+            look_for_passage(run, before.t, t, t_new);
         s->t_before = s->t_look, s->at_before = s->at_look;
         s->t_look = t, s->at_look = at;
     }
-    if (t_new >= R(run->task.t_end) && !run->task.continues && s->at_look < s->at_before)
-        look_for_passage(run, s->t_before, t_new, t_new);
-    run->e->of->factorise(run->e, t_new, run->y_new);
+    const struct look before = {s->t_before, s->at_before}, last = {s->t_look, s->at_look};
+    if (t_new >= R(run->task.t_end) && !run->task.continues && last.part < before.part
+        && may_vanish(run, before, last, last.part, t_new))
+        look_for_passage(run, before.t, t_new, t_new);
+    if (run->e->of->look == NULL)
+        run->e->of->factorise(run->e, t_new, run->y_new);
+    account->soundness = at_end.soundness, account->weakest = at_end.weakest, account->lost = at_end.lost;
 }

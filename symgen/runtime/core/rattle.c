@@ -49,10 +49,10 @@ static size_t place(const struct equations *e, void *memory, struct rattle *x) {
     return ARENA_PLACE(arrays, memory);
 }
 
-static size_t bytes(const struct equations *e, const long *counts) {
+static size_t bytes(const struct run *run, const long *counts) {
     struct rattle x;
     (void)counts;
-    return place(e, NULL, &x);
+    return place(run->e, NULL, &x);
 }
 
 static struct rattle memory_of(const struct run *run) {

@@ -22,8 +22,8 @@ static size_t place(struct run *run, void *memory) {
     const long dim = run->dim, events = sizes->events, switches = sizes->switches;
     const long samples = run->task.samples + 1, found = events ? run->task.found : 0;
     const struct scheme *near = run->given->near;
-    const size_t own = run->given->kind->bytes(run->e, run->given->counts);
-    const size_t own_near = near ? near->kind->bytes(run->e, near->counts) : 0;
+    const size_t own = run->given->kind->bytes(run, run->given->counts);
+    const size_t own_near = near ? near->kind->bytes(run, near->counts) : 0;
     run->branch_bytes = branch_bytes(run->e);
     const struct arena_array arrays[] = {
         ARENA_ARRAY(run->state, 1),

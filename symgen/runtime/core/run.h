@@ -64,6 +64,8 @@ enum { MOST_COEFFICIENTS = 64, COEFFICIENTS_AND_RATE };
 enum { MOST_COUNTS = 16 };
 /* Most stages of an explicit method. */
 enum { MOST_STAGES = 32 };
+/* Capacity of the pointers that a method keeps. */
+enum { MOST_ARRAYS = 16 };
 /* Most error estimates of an explicit method. */
 enum { MOST_ESTIMATES = 2 };
 
@@ -75,7 +77,8 @@ struct kind {
     const char *counts, *arrays;
     /* Whether its steps satisfy the constraints of positions and velocities: then the loop does not project. */
     int keeps_constraints;
-    size_t (*bytes)(const struct equations *e, const long *counts);
+    /* For a run that has equations and task, and the counts of the scheme. */
+    size_t (*bytes)(const struct run *run, const long *counts);
     /* Return how many numbers of the scheme are read with these MOST_COUNTS counts; -1 if a count is out of range. */
     ptrdiff_t (*numbers)(const long *counts);
     /* Set the pointers of the method, run->f and run->f_new (dy/dt at y and at y_new, dim each) among them. */
@@ -212,8 +215,9 @@ struct run {
     signed char *slopes;         /* of their rates, near zero; 0: that at y */
     char *probed;                /* whether an event is looked for at probes in the present step */
     double least;                /* pivot of the constraints that stages of the present step must have */
-    /* set by the kind's bind */
+    /* set by the kind's bind; the last for its own use */
     real *f, *f_new;
+    void *arrays[MOST_ARRAYS];
 };
 
 /* Bytes of memory for a run, without the struct itself. */

@@ -44,7 +44,7 @@ static size_t lane_run_place(struct lane_runs *l, const struct lane_sizes *s, co
         ARENA_ARRAY(l->y_new, dim),
         ARENA_ARRAY(l->stage, dim),
         ARENA_ARRAY(l->own, explicit ? dim * (scheme->counts[ALL_STAGES] + 1) : 0),
-        ARENA_ARRAY(l->series.rows, BOTH * SERIES_ROWS * s->series_rows),
+        ARENA_ARRAY(l->series.rows, BOTH * rows_of(HIGHEST) * s->series_rows),
         ARENA_ARRAY(l->series.f_new, dim),
         ARENA_ARRAY(l->series.changes, s->n + 1),
         ARENA_ARRAY(l->work, s->work),

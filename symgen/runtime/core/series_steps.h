@@ -12,8 +12,11 @@
 /* The count of a scheme: the order of the series; 0 for the order that the tolerance needs. */
 enum { ORDER };
 enum { LOWEST = 3, HIGHEST = MOST_COEFFICIENTS };
-/* Rows of coefficients: the kernel writes one more than the order, and there is one of order 0. */
-enum { SERIES_ROWS = HIGHEST + 3 };
+/* Rows of coefficients of a series: the kernel writes one more than the order, there is one of order 0, and numbers behind
+   the last row that is evaluated. */
+static inline ptrdiff_t rows_of(long order) {
+    return order + 3;
+}
 /* Coordinates that are evaluated side by side, since each operation waits for the one before; behind the last of a row are
    other numbers. */
 enum { BESIDE = 4 };
@@ -30,8 +33,8 @@ struct series {
 /* Every order takes a substitution, which takes longer than the loops over the orders unless the model is large; so do ten
    orders as what a step takes besides: factorisation, projection, energy. With steps proportional to
    tolerance^(1 / order), the time of a run is least near 8 - log(tolerance), within 5 % from chains of 3 to 40 rods. */
-static inline long order_of(const struct scheme *scheme, const struct task *task) {
-    const long given = scheme->counts[ORDER];
+static inline long order_of(const long *counts, const struct task *task) {
+    const long given = counts[ORDER];
     const double wanted = fmax(task->rtol, (double)REAL_EPSILON);
     return given > 0 ? given : (long)fmax(LOWEST, fmin(ceil(8 - log(wanted)), HIGHEST));
 }

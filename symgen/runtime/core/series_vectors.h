@@ -3,7 +3,7 @@
 /* One of the two series. */
 static struct series series_of(const struct lane_runs *l, long which) {
     const ptrdiff_t row = l->sizes.series_rows, work = l->sizes.extra ? row - 1 : -1;
-    return (struct series){l->sizes.n, row, work, l->series.order, l->series.rows + which * SERIES_ROWS * row};
+    return (struct series){l->sizes.n, row, work, l->series.order, l->series.rows + which * rows_of(l->series.order) * row};
 }
 
 /* As `expand` of taylor.c. */
@@ -22,7 +22,7 @@ static void expand_lanes(struct lane_runs *l, long which, wide t, const wide *y)
 }
 
 static void begin_series_of_lanes(struct lane_runs *l, wide t) {
-    l->series.present = 0, l->series.order = order_of(&l->scheme, &l->task);
+    l->series.present = 0, l->series.order = order_of(l->scheme.counts, &l->task);
     l->series.limit = all(l->task.step > 0.0 ? R(l->task.step) : R(l->task.t_end) - R(l->task.t0));
     l->series.growth = all(R(GROW));
     expand_lanes(l, 0, t, l->y);

@@ -11,45 +11,47 @@
 
 struct taylor {
     long *present;    /* which of the two series is that at y */
-    long *order;      /* of each series */
+    long *order;
     real *longest;    /* of each series: its step within the tolerance, may be infinite */
-    real *rows;       /* of each series: coefficients, SERIES_ROWS rows as the kernel writes them */
     real *changes;    /* accelerations of the series, and the power behind them */
     real *at_end;     /* those of the end of the step: the projection looks inside the step */
     long *expanded;   /* whether the other series is that at y_new */
     real *f, *f_new;
+    real *rows;       /* of each series: coefficients, rows as the kernel writes them */
 };
 
-static size_t place(struct taylor *x, const struct equations *e, void *memory) {
-    const ptrdiff_t row = e->sizes.series_rows;
+/* Point all arrays into memory, or only count their bytes: those of the rows depend on the order. */
+static size_t place(struct taylor *x, const struct equations *e, long order, void *memory) {
     const struct arena_array arrays[] = {
         ARENA_ARRAY(x->present, 1),
-        ARENA_ARRAY(x->order, BOTH),
+        ARENA_ARRAY(x->order, 1),
         ARENA_ARRAY(x->longest, BOTH),
-        ARENA_ARRAY(x->rows, BOTH * SERIES_ROWS * row),
         ARENA_ARRAY(x->changes, e->n + 1),
         ARENA_ARRAY(x->at_end, e->n + 1),
         ARENA_ARRAY(x->expanded, 1),
         ARENA_ARRAY(x->f, e->dim),
         ARENA_ARRAY(x->f_new, e->dim),
+        ARENA_ARRAY(x->rows, BOTH * rows_of(order) * e->sizes.series_rows),
     };
     return ARENA_PLACE(arrays, memory);
 }
 
-static size_t bytes(const struct equations *e, const long *counts) {
+static size_t bytes(const struct run *run, const long *counts) {
     struct taylor counted;
-    (void)counts;
-    return place(&counted, e, NULL);
+    return place(&counted, run->e, order_of(counts, &run->task), NULL);
 }
 
 static struct taylor taylor_of(const struct run *run) {
     struct taylor x;
-    place(&x, run->e, run->own);
+    memcpy(&x, run->arrays, sizeof x);
     return x;
 }
 
 static void bind(struct run *run) {
-    const struct taylor x = taylor_of(run);
+    struct taylor x;
+    _Static_assert(sizeof x <= sizeof run->arrays, "the arrays of a run have room for those of power series");
+    place(&x, run->e, 0, run->own);
+    memcpy(run->arrays, &x, sizeof x);
     run->f = x.f, run->f_new = x.f_new;
 }
 
@@ -62,7 +64,7 @@ static struct series series_of(const struct run *run, long which) {
     const struct taylor x = taylor_of(run);
     const struct equations *e = run->e;
     const ptrdiff_t row = e->sizes.series_rows, work = e->extra ? row - 1 - e->sizes.series_watched : -1;
-    return (struct series){e->n, row, work, x.order[which], x.rows + which * SERIES_ROWS * row};
+    return (struct series){e->n, row, work, *x.order, x.rows + which * rows_of(*x.order) * row};
 }
 
 /* Values of the kernel `events` that are watched for zeros: those of events and of switching points. */
@@ -100,12 +102,10 @@ static real resolved(const struct run *run, const real *rows, long order, real l
 static int expand(struct run *run, long which, real t, const real *y, real *dy) {
     const struct taylor x = taylor_of(run);
     struct equations *e = run->e;
-    const long order = order_of(&run->scheme, &run->task);
-    const real at[] = {t, R(order - 1 + (e->extra || e->sizes.series_watched))};
+    const real at[] = {t, R(*x.order - 1 + (e->extra || e->sizes.series_watched))};
     const int status = (e->of->prepare_series ? e->of->prepare_series : e->of->factorise)(e, t, y);
     if (status != DONE)
         return status;
-    x.order[which] = order;
     const struct series s = series_of(run, which);
     begin_series(&s, y);
     e->kernels.series(at, NULL, NULL, e->p, e->factors, s.rows);
@@ -125,16 +125,17 @@ static void evaluate(const struct run *run, real h, real *y) {
 }
 
 static int begin(struct run *run) {
-    *taylor_of(run).present = 0;
+    const struct taylor x = taylor_of(run);
+    *x.present = 0, *x.order = order_of(run->scheme.counts, &run->task);
     return expand(run, 0, run->state->t, run->y, run->f);
 }
 
 static long polynomial(const struct run *run, long i, real h, real *c) {
     const struct taylor x = taylor_of(run);
     const struct sizes *s = &run->e->sizes;
-    const long row = s->series_rows, degree = x.order[*x.present] - 1;
-    const real *values = x.rows + row - s->series_watched + i;
-    const real *at_y = values + *x.present * SERIES_ROWS * row, *at_y_new = values + (1 - *x.present) * SERIES_ROWS * row;
+    const long row = s->series_rows, degree = *x.order - 1, watched_at = row - s->series_watched + i;
+    const real *at_y = series_of(run, *x.present).rows + watched_at;
+    const real *at_y_new = series_of(run, 1 - *x.present).rows + watched_at;
     real power = 1;
     if (is_probed(run, i))
         return -1;
@@ -290,8 +291,7 @@ static void accept(struct run *run) {
 
 static int valid(const struct run *run) {
     const struct taylor x = taylor_of(run);
-    const long present = *x.present;
-    return (present == 0 || present == 1) && LOWEST <= x.order[present] && x.order[present] <= HIGHEST;
+    return (*x.present == 0 || *x.present == 1) && *x.order == order_of(run->scheme.counts, &run->task);
 }
 
 const struct kind taylor_kind = {

@@ -135,14 +135,17 @@ class Pace:
 
     The remaining time is estimated from the progress of the last seconds, not from that since the start: a
     run that has come into a region of short steps has slowed down for good more often than not.
-    The limit of wall time is that of :func:`limited`. ``place`` is the text of warnings for time and end.
+    The limit of wall time is that of :func:`limited`. ``place`` is the text of warnings for time and end,
+    ``first`` the number of steps before the first look at the clock, 4 with a limit and at least.
     """
 
-    def __init__(self, start: float, end: float, place: str = "t = {:.6g} s of {:.6g} s") -> None:
+    def __init__(
+        self, start: float, end: float, place: str = "t = {:.6g} s of {:.6g} s", *, first: int = 0
+    ) -> None:
         self._end, self._place = end, place
         self._begun = self._marked = time.perf_counter()
         self._at, self._announced = start, LONG / _AGAIN
-        self._chunk, self._looked = 4, math.nan
+        self._chunk, self._looked = 4 if _LIMIT.get() else max(4, first), math.nan
 
     @property
     def wall(self) -> float:

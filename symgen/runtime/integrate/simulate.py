@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
 from time import perf_counter
@@ -28,6 +28,8 @@ from symgen.runtime.result.state import State
 
 #: Recorded times up to this number are cached for the next run.
 _STORED = 10_000
+#: Steps before the first look at the clock, times the size of the state.
+_SMALL = 1000
 #: After so many steps an adaptive run is ended if, at their pace, ``max_steps`` would not reach its end.
 _JUDGED = 100_000
 
@@ -39,14 +41,22 @@ def effects_of(events: Iterable[EventInfo]) -> list[int]:
     ]
 
 
-def stepper_of(equations: Any, chosen: Options, t0: float, y0: Array, times: Array, **more: Any) -> _core.Run:
+def stepper_of(
+    equations: Any,
+    chosen: Options,
+    t0: float,
+    y0: Array,
+    times: Array,
+    places_only: bool = False,
+    directions: Sequence[int] = (),
+    terminal: Sequence[int] = (),
+    **more: Any,
+) -> _core.Run:
     """Return a run from y0 at t0 [s] with checked options, which records ``times`` [s]."""
     return _core.Run(
         equations, chosen.method, t0, y0, chosen.t_end, chosen.rtol, chosen.atol, chosen.step, times,
-        stabilisation=_core.STABILISATIONS[chosen.stabilisation],
-        max_drift=chosen.max_drift,
-        max_step=chosen.max_step,
-        **more,
+        _core.STABILISATIONS[chosen.stabilisation], chosen.max_drift, chosen.max_step, places_only,
+        directions, terminal, **more,
     )  # fmt: skip
 
 
@@ -225,7 +235,7 @@ def drive(
     ``max_wall`` is spent. A resumed run continues from its checkpoint; an interrupt, such as Ctrl-C, leaves
     one.
     """
-    pace = pace or Pace(stepper.t, chosen.t_end)
+    pace = pace or Pace(stepper.t, chosen.t_end, first=_SMALL // max(stepper.dim, 1))
     spent = checkpoints.spent if checkpoints else 0.0
     try:
         status = _driven(stepper, t0, chosen, progress, checkpoints, pace, control)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from copy import copy
 from functools import cached_property
 from math import prod
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -39,10 +39,16 @@ class Kernels:
         """The parameters as the kernels take them: see :func:`as_taken`."""
         return as_taken(self.library, self.parameter_values, getattr(self.description, "rank_tolerance", 0.0))
 
+    @cached_property
+    def _first(self) -> dict[tuple[Any, ...], Any]:
+        """The first equations by the options of ``equations``."""
+        return {}
+
     def at(self, parameters: Array) -> Self:
         """Return the same kernels with other parameters."""
         other = copy(self)
-        other.__dict__.pop("parameters", None)
+        for name in ("parameters", "_first"):
+            other.__dict__.pop(name, None)
         other.parameter_values = parameters
         return other
 
@@ -141,7 +147,7 @@ class Evaluator(Kernels):
         out = self.many(kernel, times, q, u, work)
         return {b.name: part(out, b) for b in self.info(kernel).blocks}
 
-    @property
+    @cached_property
     def couples(self) -> int:
         """Number of couples by the forces in joints, unknowns behind the multipliers."""
         d, motion = self.description, self.description.kernel("accelerations")
@@ -163,19 +169,32 @@ class Evaluator(Kernels):
         ``stabilisation`` is the rate [1/s] of Baumgarte's terms, ``tangent`` the kernels of the analysis of
         that name, for implicit methods.
         """
+        of_type = typed if typed and not typed.is_plain else None
+        key = redundant, slack, work_of_loads, stabilisation, tangent, of_type
+        first = self._first.get(key)
+        if first is None:
+            first = self._first[key] = self._first_equations(*key)
+        return first.copy()
+
+    def _first_equations(
+        self,
+        redundant: int,
+        slack: float,
+        work_of_loads: bool,
+        stabilisation: float,
+        tangent: Evaluator | None,
+        typed: Typed | None,
+    ) -> _core.KernelEquations:
         d = self.description
-        library_of_type = typed if typed and not typed.is_plain else None
-        library = library_of_type.kernels(False) if library_of_type else self.library
-        entries = places(d, tangent.description) if tangent else ()
         return _core.KernelEquations(
-            library,
+            typed.kernels(False) if typed else self.library,
             d.coordinates,
             len(d.constraints),
             int(d.work_of_loads and work_of_loads),
             self.parameter_values,
             self.work_size,
             d.first_pivot,
-            library_of_type.precision.coarsened(d.rank_tolerance) if library_of_type else d.rank_tolerance,
+            typed.precision.coarsened(d.rank_tolerance) if typed else d.rank_tolerance,
             redundant,
             slack,
             series_rows=d.series_rows,
@@ -185,9 +204,9 @@ class Evaluator(Kernels):
             tables=d.tables,
             windings=d.windings,
             turns=len(d.turns),
-            core=library_of_type.stepping if library_of_type else _core.DOUBLE,
+            core=typed.stepping if typed else _core.DOUBLE,
             stabilisation=stabilisation,
-            tangent=entries,
+            tangent=places(d, tangent.description) if tangent else (),
             tangent_library=tangent.library if tangent else None,
             couples=self.couples,
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,20 +80,24 @@ class LoopKernels(Kernels):
 
         Without ``work_of_loads`` that of loads is not integrated along.
         """
-        return self._equations(self.library, _core.DOUBLE, solved, rank, work_of_loads)
+        return self._copied(None, tuple(solved), rank, work_of_loads)
 
     def stepping(self, solved: Sequence[int], rank: int) -> _loop.LoopEquations:
         """Return the same in the model's own number type, as runs and followed inputs use it."""
-        if self.typed is None:
-            return self.equations(solved, rank)
-        return self._equations(self.typed.kernels(False), self.typed.stepping, solved, rank)
+        return self._copied(self.typed, tuple(solved), rank, True)
 
-    def _equations(
-        self, library: Library, core: _core.Core, solved: Sequence[int], rank: int, work_of_loads: bool = True
+    def _copied(self, *of: Any) -> _loop.LoopEquations:
+        first = self._first.get(of)
+        if first is None:
+            first = self._first[of] = self._first_equations(*of)
+        return first.copy()
+
+    def _first_equations(
+        self, typed: Typed | None, solved: Sequence[int], rank: int, work_of_loads: bool
     ) -> _loop.LoopEquations:
         d, outputs = self.description, self.find("outputs")
         return _loop.LoopEquations(
-            library,
+            typed.kernels(False) if typed else self.library,
             self.parameter_values,
             self.work_size,
             outputs.out_size if outputs else 0,
@@ -102,7 +107,7 @@ class LoopKernels(Kernels):
             [i for i, v in enumerate(d.variables) if v.unknown],
             d.size,
             rank,
-            core=core,
+            core=typed.stepping if typed else _core.DOUBLE,
             tolerance=self.tolerance,
             balls=[ball.angles for ball in d.balls],
             switches=len(d.switches),
@@ -150,6 +155,11 @@ class LoopKernels(Kernels):
             return np.zeros((0, 3))
         nothing = np.zeros(self.description.coordinates)
         return self("inputs", t, nothing, nothing)["inputs"].reshape(-1, 3)
+
+    @cached_property
+    def solved(self) -> tuple[int, ...]:
+        """Numbers of the variables that a motion solves for."""
+        return tuple(self.description.solved)
 
     @cached_property
     def lengths(self) -> NDArray[np.bool_]:

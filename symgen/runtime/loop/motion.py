@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -33,11 +33,18 @@ from symgen.runtime.result.state import State
 
 @dataclass(frozen=True, slots=True)
 class LoopStart:
-    """Start of a motion: a closed pose, and rates of all variables; at a pole of ball angles those given."""
+    """Start of a motion: a closed pose, and rates of all variables; at a pole of ball angles those given.
+
+    ``y`` is its state (q, u, work).
+    """
 
     pose: Closed
     rates: Array
     at_pole: bool
+    y: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "y", np.concatenate([self.pose.q, self.rates, [0.0]]))
 
 
 def start_at(kernels: LoopKernels, pose: Closed, rates: Array) -> LoopStart:
@@ -48,18 +55,20 @@ def start_at(kernels: LoopKernels, pose: Closed, rates: Array) -> LoopStart:
 
 def begun(kernels: LoopKernels, start: LoopStart) -> tuple[_loop.LoopEquations, Array]:
     """Return the equations of a motion and its state (q, u, work) at the start, in their present angles."""
-    d, pose, rates = kernels.description, start.pose, start.rates
-    equations = kernels.stepping(d.solved, pose.rank)
+    equations = kernels.stepping(kernels.solved, start.pose.rank)
     if start.at_pole:
-        in_use, q = in_other_angles(kernels, equations, pose.q)
-        pose = replace(pose, q=q)
-        rates = rates_at(in_use, pose, rates)
-    return equations, np.concatenate([pose.q, rates, [0.0]])
+        in_use, q = in_other_angles(kernels, equations, start.pose.q)
+        pose = replace(start.pose, q=q)
+        start = LoopStart(pose, rates_at(in_use, pose, start.rates), at_pole=True)
+    return equations, start.y
 
 
 def _check_inputs(kernels: LoopKernels, start: float, stop: float) -> None:
     """Raise SimulationError if an input, or its rate, jumps between two times [s]."""
-    d, scale = kernels.description, kernels.scale[kernels.inputs]
+    d = kernels.description
+    if not d.switches:
+        return
+    scale = kernels.scale[kernels.inputs]
 
     def sides(k: int, times: Array) -> Array:
         parameters = np.array(kernels.parameter_values)

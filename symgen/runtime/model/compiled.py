@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NoReturn, Self
 
 import numpy as np
@@ -199,7 +200,7 @@ class Compiled:
     def _type(self) -> Precision:
         return self.number_type.precision if self.number_type else FLOAT64
 
-    @property
+    @cached_property
     def _series(self) -> float:
         """Largest relative tolerance at which its runs take power series by default; 0 without series."""
         if SERIES not in library_of_runs(self.library, self.number_type).addresses:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from copy import deepcopy
 from dataclasses import fields
 from functools import cache, wraps
 from inspect import Parameter, signature
-from types import MethodType
+from types import MappingProxyType, MethodType
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from symgen.calls import checked, raise_failure
@@ -45,6 +45,7 @@ class Verb:
 
 def _checked_call(declared: Callable[..., Any], common: bool = False) -> Callable[..., Any]:
     name, known = declared.__name__, dict[Hashable, _Call]()
+    carried_out_by = f"_{name}"
 
     @wraps(declared)
     def prepare(model: Any, *values: Any, **named: Any) -> _Call:
@@ -55,17 +56,27 @@ def _checked_call(declared: Callable[..., Any], common: bool = False) -> Callabl
 
     @wraps(declared)
     def call(model: Any, *values: Any, **named: Any) -> Any:
-        types = (*map(type, values), *map(type, named.values()))
-        if not _PLAIN.issuperset(types):
-            return _carry_out(model, name, prepare(model, *values, **named))
-        # Runs of a few steps take less time than the checks.
-        key = type(model._carrier(name)), types, values, *named.items()
-        found = known.get(key)
+        carrier, further = model._carrier(name), named.values()
+        types = (*map(type, values), *map(type, further))
+        key = type(carrier), types, values, *named, *further
+        try:
+            found = known.get(key)  # runs of a few steps take less time than the checks
+        except TypeError:  # an argument without a hash
+            found = None
         if found is None:
             found = prepare(model, *values, **named)
-            if len(known) < _MOST_KNOWN:
+            if _PLAIN.issuperset(types) and len(known) < _MOST_KNOWN:
                 known[key] = found
-        return _carry_out(model, name, found)
+        method, record = getattr(carrier, carried_out_by), found.record
+        try:
+            result = method(**found.arguments) if record is None else method(record)
+        finally:
+            raise_failure()
+        if found.kept is not None:
+            result._of_analysis(model, name, found.kept)
+        elif isinstance(result, Shown):
+            result._of_analysis(model, name)
+        return result
 
     call.__qualname__ = f"Model.{name}"
     return call
@@ -88,10 +99,14 @@ else:
 
 
 class _Call(NamedTuple):
-    """A checked call: arguments that differ from the defaults, also as a record where the model takes one."""
+    """A checked call: arguments that differ from the defaults, also as a record where the model takes one.
+
+    ``kept`` are those that results keep, of analyses with a motion, in values that the caller cannot change.
+    """
 
     arguments: dict[str, Any]
     record: Any
+    kept: Mapping[str, Any] | None
 
 
 def _prepared(
@@ -114,38 +129,20 @@ def _prepared(
                 f"{name} of {model.name} does not accept {', '.join(refused)}\n"
                 f"  It accepts {', '.join(sorted(known)) or 'no arguments'}."
             )
-    record = getattr(getattr(model._carrier(name), f"_{name}"), "record", None)
-    if record is None:
-        return _Call(arguments, None)
-    shared = {"common": True} if common and any(f.name == "common" for f in fields(record)) else {}
-    return _Call(arguments, record(**arguments, **shared))
-
-
-def _carry_out(model: Any, name: str, prepared: _Call) -> Any:
-    arguments, record = prepared
-    method = getattr(model._carrier(name), f"_{name}")
-    try:
-        result = method(**arguments) if record is None else method(record)
-    finally:
-        raise_failure()
+    record, kept = getattr(getattr(model._carrier(name), f"_{name}"), "record", None), None
     if name in _MOVING:
-        # The caller may change arrays and states.
-        arguments = {
-            n: v if type(v) in _PLAIN else _kept(v) for n, v in arguments.items() if n not in _OUTSIDE
-        }
-        result._of_analysis(model, name, arguments)
-    elif isinstance(result, Shown):
-        result._of_analysis(model, name)
-    return result
+        kept = MappingProxyType({n: _kept(v) for n, v in arguments.items() if n not in _OUTSIDE})
+    if record is None:
+        return _Call(arguments, None, kept)
+    shared = {"common": True} if common and any(f.name == "common" for f in fields(record)) else {}
+    return _Call(arguments, record(**arguments, **shared), kept)
 
 
 def _kept(value: Any) -> Any:
     """Return a value that the caller cannot change."""
-    return value if callable(value) or isinstance(value, _FIXED) else deepcopy(value)
+    return value if type(value) in _PLAIN or callable(value) else deepcopy(value)
 
 
-#: Types of values that nobody can change.
-_FIXED = (float, int, str, type(None))
 #: Analyses whose results have an animation, and arguments without effect on these results.
 _MOVING = (
     "simulate",

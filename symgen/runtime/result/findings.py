@@ -171,8 +171,9 @@ class Findings:
         In place of a controller, which may have a memory, it has the inputs that the controller has set.
         """
         controls = getattr(self.__dict__.get("_source"), "controls", None)
-        repeated = {"controller": controls.repeated} if controls else {}
-        self._cache["origin"] = (model, verb, {**arguments, **repeated})
+        if controls:
+            arguments = {**arguments, "controller": controls.repeated}
+        self._cache["origin"] = model, verb, arguments
 
     @property
     def origin(self) -> tuple[Any, str, Mapping[str, Any]] | None:
