@@ -128,8 +128,8 @@ def refined_run(
     if not 0.0 < rtol < 1.0:
         raise ModelError(f"expected rtol above zero and below 1, got {rtol!r}")
     samples = whole(request.samples, "samples")
-    if samples < 2:
-        raise ModelError(f"expected 2 samples or more, got {samples}")
+    if not 2 <= samples <= 10_000_000:
+        raise ModelError(f"expected between 2 and 10 million samples, got {samples}")
     if request.max_step is not None:
         if not real(request.max_step, "max_step") > 0.0:
             raise ModelError(f"expected max_step above zero, got {request.max_step!r}")
