@@ -301,6 +301,26 @@ def test_a_massless_outer_end_is_refused():
     assert caught.value.where == "points.B"
 
 
+@pytest.mark.parametrize("tunable", [False, True])
+@pytest.mark.parametrize("along", ["0.2 m", "0.37 m"])
+def test_a_body_that_a_single_mass_would_move_is_refused(along, tunable):
+    """A strut of three points, one with mass: exact elimination divided by zero, round-off passed for mass."""
+    points = {"O": ground(0.0, 0.0), "S": ground(1.0, 1.0), "A": at(1.0, 0.0)}
+    points |= {"K": {"at": ["1 m", along]}, "U": at(1.0, 0.5)}
+    strut = {"points": ["K", "U", "A"], "mass": "m", "centre": ["1 m", "0.3 m"], "inertia": "0 kg*m^2"}
+    data = {
+        "points": points,
+        "parameters": {"m": {"value": "0 kg", "tunable": tunable}},
+        "links": {"arm": {"points": ["O", "A"], "mass": "1 kg"}, "strut": strut},
+        "guides": [{"points": ["S"], "along": "strut"}],
+    }
+    with pytest.raises(SceneError, match="strut has no moment of inertia, .* acceleration of U") as caught:
+        build(symgen.Scene(**data))
+    assert caught.value.where == "links.strut.inertia"
+    held = symgen.Scene(**data, masses=[{"point": "U", "mass": "1 kg"}])
+    assert build(held).simulate(0.1).drift.energy < 1e-9
+
+
 def test_values_set_from_outside_pass_the_checks_of_the_scene():
     """A tunable stiffness, mass or length: the key where it is wrong is named, and the value."""
     scene = symgen.Scene(

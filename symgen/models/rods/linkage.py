@@ -28,6 +28,8 @@ REFERENCE = "H. A. Attia, Dynamic Analysis of a Chain of Rigid Rods, sections 2.
 
 #: Largest number of coordinates: matrices have the square of it as entries, of 8 bytes and more.
 _COORDINATES = 10_000
+#: Pivots of the mass matrix below this part of its diagonal are zero.
+_ROUND_OFF = 1e-13
 
 
 class RodsModel(ConstrainedPoints):
@@ -54,6 +56,35 @@ class RodsModel(ConstrainedPoints):
                     where=f"points.{point}",
                     hint=f'Join a link with mass there, or write [[masses]] with point = "{point}".',
                 )
+        still = [k for k in self.rods if not self.linkage.number(k.inertia)]
+        lost = self._without_inertia() if still else None
+        if lost:
+            link = next((k for k in still if lost in k.base), still[0]).name
+            raise SceneError(
+                f"{link} has no moment of inertia, and the masses that it joins do not replace it: the "
+                f"acceleration of {lost} is not determined",
+                where=f"links.{link}.inertia",
+                hint='Give it mass and inertia, of its real size or small, such as "10 g" and "1e-5 kg*m^2", '
+                "or join links with mass at two of its points.",
+            )
+
+    def _without_inertia(self) -> str | None:
+        """Return a point whose pivot vanishes in the mass matrix at the scene's parameters, or None."""
+        owners = {x.symbol: p for p in self.moving for x in self.q[p]}
+        rows: dict[sp.Symbol, dict[sp.Symbol, float]] = {x: {} for x in owners}
+        for (x, y), mass in self.mass_entries.items():
+            if x in owners and y in owners:
+                rows[x][y] = self.linkage.number(mass)
+        whole = {x: row[x] for x, row in rows.items()}
+        for x, row in rows.items():
+            pivot = row.pop(x)
+            if pivot <= _ROUND_OFF * whole[x]:
+                return owners[x]
+            for y, left in row.items():
+                del rows[y][x]
+                for z, right in row.items():
+                    rows[y][z] = rows[y].get(z, 0.0) - left * right / pivot
+        return None
 
     @cached_property
     def inertias(self) -> dict[tuple[str, str, str], sp.Expr]:

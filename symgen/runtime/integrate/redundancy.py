@@ -286,7 +286,7 @@ def not_positive(evaluator: Evaluator) -> InitialStateError:
     )
     return InitialStateError(
         f"the mass matrix is not positive definite{f' with {values}' if values else ''}: "
-        "some point carries no mass\n"
+        "a point carries no mass, or a link no moment of inertia\n"
         "  Give every link a positive mass and moment of inertia about its centre.",
         where="links",
     )
