@@ -228,6 +228,8 @@ def _emitted(
     from symgen.lowering.program import lower_system
     from symgen.toolchain.kernels import no_collection
 
+    if system.saddle_point and system.saddle_point.efforts:
+        raise CapabilityError(f"{system.name} has no export in C: unknown efforts keep its [[motions]]")
     if system.saddle_point and system.saddle_point.couples:
         raise CapabilityError(f"{system.name} has no export in C: its bearings have friction")
     with no_collection():

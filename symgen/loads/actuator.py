@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import sympy as sp
 from pydantic import Field
 
 from symgen.errors import SceneError
-from symgen.loads.load import Load, Reading, expression
+from symgen.loads.load import UNKNOWN, Load, Reading, expression
 from symgen.loads.measure import LoadTerm
 from symgen.loads.of_points import Length
 from symgen.scene import table, units
@@ -19,7 +19,10 @@ class Actuator(table.Table):
     """A force along the line between two points, which pushes them apart where it is positive."""
 
     between: list[table.Name] = Field(min_length=2, max_length=2)
-    force: table.Value = Field(description="May use the time t, the state, and this.length and this.rate.")
+    force: table.Value = Field(
+        description="May use the time t, the state, and this.length and this.rate. "
+        '"?" is the force that [[motions]] need.'
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +40,9 @@ class LineForce(Load):
         start, end = (read.known_point(p, f"{where}.between").name for p in table.between)
         if start == end:
             raise SceneError("an actuator needs two different points", where=f"{where}.between")
+        if table.force == UNKNOWN:
+            drive = cls(name, start, end, sp.S.Zero)
+            return replace(drive, force=drive.effort)
         names = read.with_state(name, {"length": units.LENGTH, "rate": units.VELOCITY})
         return cls(name, start, end, read.value(table.force, units.FORCE, f"{where}.force", names))
 

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from symgen.scene.units import Dimension
 
 _KIND = "symgen.kind"
+#: An effort of a drive that prescribed motions determine, as a loop writes it.
+UNKNOWN = "?"
 
 
 class Placed(Protocol):
@@ -142,6 +144,25 @@ class Load(ABC):
     def of_joint(self) -> JointLaw | None:
         """The law of ``couple`` by the force in a joint; None without one."""
         return None
+
+    @property
+    def effort(self) -> sp.Symbol:
+        """The effort of a drive that keeps a motion [N or N m], an unknown of the equations of motion."""
+        return sp.Symbol(f"{self.name}.effort", real=True)
+
+    @property
+    def is_sought(self) -> bool:
+        """Whether its effort is an unknown."""
+        return any(self.effort in e.free_symbols for e in self.expressions)
+
+    @property
+    def turns(self) -> str:
+        """The link that an unknown torque turns, in space about an axis; "" for other loads."""
+        return ""
+
+    def about(self, axis: Vector) -> Load:
+        """Return the load with its unknown torque about an axis in space."""
+        raise NotImplementedError
 
     @property
     def couple(self) -> sp.Symbol:

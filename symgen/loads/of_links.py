@@ -98,6 +98,13 @@ class LinkRotation(_OnLinks):
 
 
 @dataclass(frozen=True, slots=True)
+class DriveRotation(LinkRotation):
+    """The rotation of a link by a drive, which stands on the other link or on the ground."""
+
+    joins = True
+
+
+@dataclass(frozen=True, slots=True)
 class Bend(_OnLinks):
     """The cosine of the angle between two rods in space."""
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import sympy as sp
 from pydantic import Field
 
 from symgen.errors import SceneError
-from symgen.loads.load import Load, Reading, expression
+from symgen.loads.load import UNKNOWN, Load, Reading, expression
 from symgen.loads.measure import LoadTerm, Vector
-from symgen.loads.of_links import LinkRotation
+from symgen.loads.of_links import DriveRotation, LinkRotation
 from symgen.scene import table, units
 
 
@@ -20,7 +21,9 @@ class Torque(table.Table):
     link: table.Name
     torque: table.Value | table.Vector = Field(
         description="In the plane counter-clockwise, in space three components. May use the time t, the "
-        "state and, in the plane, this.angle and this.rate of the link relative to the other one."
+        "state and, in the plane, this.angle and this.rate of the link relative to the other one. "
+        '"?" is the torque that [[motions]] need: that of a drive, which stands on the other link or on the '
+        "ground, in space about the revolute joint of the link with the ground."
     )
     against: table.Name | None = None
     point: table.Name | None = table.absent("On an elastic link, the point at whose section the couple acts.")
@@ -43,6 +46,9 @@ class AppliedTorque(Load):
     @classmethod
     def read(cls, read: Reading, table: Torque, name: str, where: str) -> AppliedTorque:
         section = check_couple(read, table.link, table.against, table.point, where)
+        if table.torque == UNKNOWN:
+            sought = cls(name, table.link, (), table.against or "", section)
+            return replace(sought, torque=(sought.effort,))
         if read.dimension == 3:
             if not isinstance(table.torque, list):
                 raise SceneError(
@@ -56,8 +62,17 @@ class AppliedTorque(Load):
             torque = (read.value(table.torque, units.TORQUE, f"{where}.torque", names),)
         return cls(name, table.link, torque, table.against or "", section)
 
+    @property
+    def turns(self) -> str:
+        return self.link if self.is_sought else ""
+
+    def about(self, axis: Vector) -> AppliedTorque:
+        size = sp.sqrt(sp.Add(*(c**2 for c in axis)))
+        return replace(self, torque=tuple(self.torque[0] * c / size for c in axis))
+
     def terms(self, dimension: int) -> Iterator[LoadTerm]:
-        yield LoadTerm(LinkRotation(self.link, self.against, self.section), force=self.torque)
+        on = DriveRotation if self.is_sought else LinkRotation
+        yield LoadTerm(on(self.link, self.against, self.section), force=self.torque)
 
 
 def check_couple(read: Reading, link: str, against: str | None, point: str | None, where: str) -> str:

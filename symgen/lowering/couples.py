@@ -1,4 +1,4 @@
-"""Kernels of couples by the forces in joints, such as friction of bearings.
+"""Kernels of couples by the forces in joints, such as friction of bearings, and of efforts that keep motions.
 
 Each couple is a factor c, which depends on the state, times the size f of a force that is linear in
 accelerations, multipliers and couples. These are linear in the couples, so that by one factorisation, with a
@@ -7,11 +7,14 @@ solution without couples and one for each of them,
     f = |F + B f|,   force by force, where F are those without couples and B f those by the couples.
 
 Only these sizes are iterated, by Newton's method, in the work memory behind the pivots.
+
+Efforts u make the multipliers of prescribed motions zero. That of motion i is x_i . (f + B u, gamma), with
+the solution x_i for one at its row: as many linear equations of u as there are motions.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import reduce
 from itertools import accumulate, count, pairwise
@@ -21,12 +24,17 @@ from symgen.lowering.expressions import (
     ONE,
     ZERO,
     Call,
+    Constant,
+    Negative,
     Node,
+    Quotient,
     Reference,
+    Sum,
     add,
     guarded_reciprocal,
     less,
     multiply,
+    negative,
     reciprocal,
     rename,
 )
@@ -36,6 +44,9 @@ from symgen.lowering.straight_line import Shared, StraightLine
 
 if TYPE_CHECKING:
     from symgen.symbolic.system import SaddlePoint, System
+
+#: Square of the part of its size that the rate of a drive must have, by the rates of the motions.
+_MOVES = "1e-24"
 
 
 class CoupleKernels:
@@ -215,3 +226,88 @@ class CoupleKernels:
         results |= enumerate(couples, self.unknowns)
         about = "accelerations, multipliers and couples by the sizes of forces in joints, in place"
         return line.kernel("coupled", about, results, (), self.sizes)
+
+
+def by_efforts(
+    system: System,
+    shared: Shared,
+    point: SaddlePoint,
+    factors: Factor,
+    place: int,
+    rhs: Mapping[int, Node],
+    unknowns: tuple[Block, ...],
+) -> Kernel:
+    """Return 'accelerations' up to their solution: the right-hand side with efforts, and these behind it.
+
+    ``factors`` are references to the first ``place`` entries of ``work``, ``rhs`` is the right-hand side
+    without efforts. An equation of these counts in units of the size of the accelerations of x_i, and an
+    effort in those of its column of B.
+    """
+    slopes, line = shared.entries[point.efforts], StraightLine(shared.values)
+    efforts, rows = system[point.efforts].columns, system[point.jacobian].rows
+    (n, m), k = (b.shape[0] for b in unknowns), len(efforts)
+    pushes = [{place // k: e for place, e in slopes.items() if place % k == j} for j in range(k)]
+    left: list[list[Node]] = []
+    right: list[Node] = []
+    for motion in point.motions:
+        row = n + rows.index(motion)
+        x = solve(line, factors, [ONE if i == row else ZERO for i in range(n + m)], f"_{motion}")
+        squared = line.name(add(multiply(x[i], x[i]) for i in range(n)), f"squared_{motion}")
+        size = line.name(Call("sqrt", (squared,)), f"size_{motion}")
+        works = [add(multiply(x[i], e) for i, e in push.items()) for push in pushes]
+        left.append([line.name(Quotient(of, size), f"by{j}_{motion}") for j, of in enumerate(works)])
+        present = negative(add(multiply(x[i], e) for i, e in rhs.items()))
+        right.append(line.name(Quotient(present, size), f"to_{motion}"))
+    sizes = [line.name(add(multiply(e, e) for e in push.values()), f"of{j}") for j, push in enumerate(pushes)]
+    u = _solved(line, left, right, sizes)
+    sides: dict[int, Node] = {
+        i: add((rhs.get(i, ZERO), *(multiply(push.get(i, ZERO), u[j]) for j, push in enumerate(pushes))))
+        for i in range(n + m)
+    }
+    block = Block(point.efforts, n + m, (k, 1), "N, N*m", "efforts that keep prescribed motions", efforts)
+    return line.kernel(
+        "accelerations",
+        "accelerations and multipliers: [M J^T; J 0] [a; lambda] = [f + B u; gamma], with the efforts u that "
+        "make the multipliers of motions zero",
+        sides | dict(enumerate(u, n + m)),
+        (*unknowns, block),
+        {g.name: len(g.quantities) for g in system.groups} | {"work": place},
+    )
+
+
+def _solved(
+    line: StraightLine, rows: Sequence[Sequence[Node]], rhs: Sequence[Node], sizes: Sequence[Node]
+) -> list[Node]:
+    """Solve a few equations by modified Gram-Schmidt on the columns and the right-hand side.
+
+    The solution is no number where the square of a column, less its part along those before it, is at most a
+    part of that of its size, ``sizes``.
+    """
+    count = len(rows)
+    columns = [[row[j] for row in rows] for j in range(count)]
+    columns.append(list(rhs))
+    along: dict[tuple[int, int], Node] = {}
+    lengths, alarms = [], list[Node]()
+    for j in range(count):
+        squared = line.name(_dot(columns[j], columns[j]), f"column{j}")
+        length = line.name(Call("sqrt", (squared,)), f"length{j}")
+        enough = line.name(Sum((squared, Negative(multiply(Constant(_MOVES), sizes[j])))), f"enough{j}")
+        alarm = line.name(Call("sqrt", (enough,)), f"alarm{j}")  # no number of less than zero
+        alarms += [alarm, Negative(alarm)]
+        lengths.append(length)
+        unit = [line.name(Quotient(x, length), f"unit{i}_{j}") for i, x in enumerate(columns[j])]
+        for k in range(j + 1, count + 1):
+            along[j, k] = line.name(_dot(unit, columns[k]), f"along{j}_{k}")
+            columns[k] = [
+                line.name(add([x], [multiply(along[j, k], e)]), f"left{i}_{j}_{k}")
+                for i, (x, e) in enumerate(zip(columns[k], unit, strict=True))
+            ]
+    found: dict[int, Node] = {}
+    for j in reversed(range(count)):
+        later = [multiply(along[j, k], found[k]) for k in range(j + 1, count)]
+        found[j] = line.name(Quotient(add([along[j, count]], later), lengths[j]), f"found{j}")
+    return [line.name(Sum((found[j], *alarms)), f"effort{j}") for j in range(count)]
+
+
+def _dot(a: Sequence[Node], b: Sequence[Node]) -> Node:
+    return add([multiply(x, y) for x, y in zip(a, b, strict=True)])

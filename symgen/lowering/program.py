@@ -10,7 +10,7 @@ import sympy as sp
 
 from symgen.errors import DerivationError
 from symgen.lowering.binding_times import with_setup
-from symgen.lowering.couples import CoupleKernels
+from symgen.lowering.couples import CoupleKernels, by_efforts
 from symgen.lowering.expressions import (
     ZERO,
     Call,
@@ -39,7 +39,7 @@ def lower_system(system: System) -> Program:
     names = dict.fromkeys(name for export in system.exports for name in export.matrices)
     if point:
         names.update(dict.fromkeys((point.mass, point.jacobian, point.force, point.rhs)))
-        names.update(dict.fromkeys(point.couples))
+        names.update(dict.fromkeys((*point.couples, *filter(None, [point.efforts]))))
     if system.residual:
         names[system.residual] = None
     lowering = _Lowering(system, Shared(system, tuple(names)))
@@ -51,7 +51,7 @@ def lower_system(system: System) -> Program:
     )
     parameters = system.group("p")
     series: list[Kernel] = []
-    if (point and not point.couples) or system.residual:
+    if (point and not point.couples and not point.efforts) or system.residual:
         with suppress(DerivationError):  # a function without a recurrence: there are no power series
             held = _held(system)
             series = (lowering if held is system else _Lowering(held, Shared(held, tuple(names)))).series()
@@ -185,6 +185,9 @@ class _Lowering:
             Block("multipliers", n, (m, 1), "N/m", "multipliers of the constraints", labels[n : n + m]),
         )
         self.pivots = len(stored)
+        if point.efforts:
+            accelerations = by_efforts(self.system, self.shared, point, regular, len(stored), rhs, unknowns)
+            return [factorise, in_place, replace(accelerations, first=(factorise,), then=(in_place,))]
         accelerations = StraightLine(self.shared.values).kernel(
             "accelerations",
             "accelerations and multipliers: [M J^T; J 0] [a; lambda] = [f; gamma]",

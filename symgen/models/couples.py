@@ -1,7 +1,12 @@
-"""Couples by the forces in joints, such as friction of bearings: unknowns of the equations of motion.
+"""Couples by the forces in joints, and efforts that keep motions: unknowns of the equations of motion.
 
-The force in a joint depends on accelerations and multipliers, which depend on the couple, all linearly but
-for the size of the force.
+The force in a joint depends on accelerations and multipliers, which depend on the couple, such as friction of
+bearings, all linearly but for the size of the force.
+
+The row of a prescribed motion has no force of its own: its multiplier is zero, and efforts u, with forces B u
+by the virtual work of their drives, stand in its place,
+
+    M a + J^T lambda = f + B u,   J a = gamma,   lambda_i = 0 of every motion i.
 """
 
 from __future__ import annotations
@@ -9,15 +14,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+import sympy as sp
+
 from symgen.errors import SceneError
 from symgen.loads.measure import RATE
 from symgen.models.rods.matrix import named
-from symgen.symbolic.calculus import partial
+from symgen.symbolic.calculus import ZERO, partial
 
 if TYPE_CHECKING:
     from symgen.loads.load import JointLaw
     from symgen.models.rods.linkage import RodsModel
     from symgen.symbolic.system import NamedMatrix
+
+#: Name of the matrix B of the forces by efforts.
+EFFORTS = "effort_forces"
 
 
 def joint_couples(model: RodsModel) -> list[NamedMatrix]:
@@ -72,8 +82,8 @@ def _check(model: RodsModel, law: JointLaw, where: str) -> None:
         )
     if model.joint_forces.bears_teeth(law.link, law.point):
         raise SceneError(
-            f"the force in the bearing of {law.link} at {law.point} is not known: forces at axes of gears lack "
-            "the pressure of the teeth, which depends on radii and pressure angle",
+            f"the force in the bearing of {law.link} at {law.point} is not known: forces at axes of gears "
+            "lack the pressure of the teeth, which depends on radii and pressure angle",
             where=where,
             hint="Give a couple by the state: [[torques]].",
         )
@@ -112,3 +122,34 @@ def _others(model: RodsModel, point: str) -> Iterator[str]:
     for table, i, load in linkage.placed_loads:
         if any(name == point for m in load.measures(linkage.dimension) for _, name in m.points):
             yield f"{table}.{i}"
+
+
+def effort_forces(model: RodsModel) -> tuple[list[sp.Expr], list[NamedMatrix]]:
+    """Return the applied forces without the efforts, and the matrix of the forces by each; none without.
+
+    Raises
+    ------
+    SceneError
+        For friction of bearings beside efforts.
+    """
+    efforts = model.loads.efforts
+    if not efforts:
+        return model.applied, []
+    if model.loads.of_joints:
+        raise SceneError(
+            "friction of bearings and unknown efforts are not found together",
+            where="bearings.0",
+            hint="Give couples by the state: [[torques]].",
+        )
+    unknowns = [x.symbol for x in efforts.values()]
+    absent: dict[sp.Basic, sp.Expr] = dict.fromkeys(unknowns, ZERO)
+    names = [f"{table}.{i}" for table, i, load in model.linkage.placed_loads if load.is_sought]
+    words = [term.on.effort for load, term in model.loads.terms if load.is_sought]
+    slopes = [partial(f, u) for f in model.applied for u in unknowns]
+    about = "forces by the efforts that keep prescribed motions"
+    matrix = named(
+        model, EFFORTS, slopes, "1, 1/m", about,
+        rows=[x.name for x in model.coordinates],
+        columns=[f"{name}.{word}" for name, word in zip(names, words, strict=True)],
+    )  # fmt: skip
+    return [f.xreplace(absent) for f in model.applied], [matrix]

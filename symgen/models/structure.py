@@ -21,6 +21,7 @@ _OTHERS = {
     "guides": "guides",
     "gears": "gears",
     "drivers": "drives",
+    "motions": "prescribed motions",
     "elastic": "elastic links",
     "events": "events",
 }

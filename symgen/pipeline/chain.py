@@ -109,7 +109,7 @@ def _chain(linkage: Linkage) -> ChainOfScene:
 def _foreign(linkage: Linkage) -> Iterator[str]:
     """Yield the keys of the entries that a chain does not have."""
     yield from (table for table, _, _ in linkage.placed_loads)
-    for key in ("guides", "drivers", "hinges", "elastic", "events", "switches", "windings"):
+    for key in ("guides", "drivers", "motions", "hinges", "elastic", "events", "switches", "windings"):
         if getattr(linkage, key):
             yield key
     yield from (f"links.{body.name}" for body in linkage.bodies)

@@ -66,7 +66,7 @@ def with_state(system: System, description: Description, library: Library) -> De
         begun = start(evaluator)
         # That constraints are redundant shows at the start only: then the factorisation must expect it.
         description = replace(description, rank_tolerance=begun.rank_tolerance)
-    if evaluator.couples and begun.redundant:
+    if evaluator.couples and begun.redundant and not evaluator.efforts:
         names = ", ".join(description.labels[i] for i in begun.redundant)
         raise SceneError(
             f"friction of bearings needs the forces in them, which redundant constraints leave open: {names}",
@@ -249,7 +249,7 @@ def _steady(linkage: Linkage) -> tuple[str, ...]:
     from symgen.scene.rods.linkage import TIME
 
     moved = {p.name: p.motion for p in linkage.points if p.ground}
-    moved |= {d.row: (d.angle,) for d in linkage.drivers}
+    moved |= {d.row: (d.angle,) for d in linkage.drivers} | {m.name: (m.value,) for m in linkage.motions}
     return tuple(
         name
         for name, motion in moved.items()
@@ -261,7 +261,7 @@ def _prescribed(linkage: Linkage, rows: Sequence[str]) -> tuple[int, ...]:
     """Return the numbers of the constraints of drives, and of lengths that depend on the time."""
     from symgen.scene.rods.linkage import TIME
 
-    names = {d.row for d in linkage.drivers}
+    names = {d.row for d in linkage.drivers} | {m.name for m in linkage.motions}
     names |= {k.name for k in linkage.links if TIME.symbol in k.length.free_symbols}
     return tuple(i for i, name in enumerate(rows) if name in names)
 

@@ -14,8 +14,8 @@ from symgen.scene.schema import Scene
 _RESERVED = {"t", "pi", *FUNCTIONS}
 #: Name of a load in its own expressions.
 _THIS = "this"
-#: Name prefixes of guides, switching points and angles in loads, and of most kinds of loads.
-_OTHERS = ("guide", "switch", "turned")
+#: Name prefixes of guides, switching points, angles in loads and motions, and of most kinds of loads.
+_OTHERS = ("guide", "switch", "turned", "motion")
 #: Names of the components of points and of links in the derivation, of points added to bodies, and of lugs of
 #: points off the line of an elastic link.
 _OF_POINT = re.compile(r"(?P<owner>.+)_[va]?[xyz]")

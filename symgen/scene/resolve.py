@@ -22,7 +22,7 @@ from symgen.scene.loop.schema import SpatialLoop
 from symgen.scene.names import check_names
 from symgen.scene.reading import Reader
 from symgen.scene.rods import bodies, constraints, loads
-from symgen.scene.rods.events import events
+from symgen.scene.rods.events import events, motions
 from symgen.scene.rods.linkage import Linkage
 from symgen.scene.rods.notes import remarks
 from symgen.scene.rods.planar import in_its_plane
@@ -97,6 +97,8 @@ def _linkage(scene: Scene) -> Linkage:
     if scene.gravity:
         gravity = read.vector(scene.gravity.acceleration, units.ACCELERATION, "gravity.acceleration")
     masses, driven = tuple(loads.masses(read, links)), tuple(constraints.drivers(read))
+    acting = tuple(loads.loads(read))
+    hinges = tuple(constraints.hinges(read, (*driven, *loads.turned(acting))))
     linkage = Linkage(
         name=scene.name,
         file=scene.file,
@@ -109,11 +111,12 @@ def _linkage(scene: Scene) -> Linkage:
         bodies=in_space,
         gravity=gravity,
         masses=masses,
-        loads=tuple(loads.loads(read)),
+        loads=tuple(loads.about_axes(read, acting, hinges)),
         guides=tuple(constraints.guides(read)),
-        hinges=tuple(constraints.hinges(read, driven)),
+        hinges=hinges,
         gears=tuple(constraints.gears(read)),
         drivers=(*driven, *((driver_of(turned),) if turned else ())),
+        motions=tuple(motions(read)),
         start=constraints.start(read),
         t_end=_end(read, turned),
         assembly_tolerance=_assembly_tolerance(read),
@@ -128,6 +131,7 @@ def _linkage(scene: Scene) -> Linkage:
         written=read.written,
     )
     _check_every_point_used(scene, linkage)
+    loads.check_efforts(linkage)
     linkage = with_joints(linkage)
     if elastic and read.dimension == 3:
         linkage = replace(linkage, joints=tuple(joints_in_space(read, elastic)))

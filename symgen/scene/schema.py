@@ -25,6 +25,7 @@ from symgen.scene.elastic.schema import (
 from symgen.scene.faults import scene_error
 from symgen.scene.loop.schema import SpatialLoop
 from symgen.scene.ranges import written_out
+from symgen.scene.rods.rotations import DriverTable, GearTable, MotionTable
 from symgen.scene.study_schema import Optimise, SweepTable
 from symgen.scene.table import (
     Bare,
@@ -160,26 +161,6 @@ class GuideTable(Table):
     along: Name = Field(description="The link whose line they stay on.")
 
 
-class GearTable(Table):
-    """Gears fixed to two links in the plane, which mesh as drawn."""
-
-    links: list[Name] = Field(min_length=2, max_length=2)
-    teeth: list[int] = Field(min_length=2, max_length=2, description="Numbers of teeth, in the same order.")
-    internal: bool = Field(False, description="The teeth of the second one are inside: both turn alike.")
-    carrier: Name | None = absent("The link that carries the axes of both; the ground if absent.")
-
-
-class DriverTable(Table):
-    """A link whose direction is prescribed, from its first point to its second; in space its rotation."""
-
-    link: Name
-    against: Name | None = absent(
-        "The link from which the angle is taken, and on which the reaction acts; the ground if absent. In "
-        "space both are bodies that share two points, the axis."
-    )
-    angle: Value = Field(description="May use the time t.")
-
-
 class EventTable(Table):
     """A moment of a run that is looked for: where a quantity passes a value."""
 
@@ -258,6 +239,7 @@ class Scene(Table, metaclass=_Interface):
     masses: list[PointMass] = Field(default_factory=list)
     guides: list[GuideTable] = Field(default_factory=list)
     drivers: list[DriverTable] = Field(default_factory=list)
+    motions: list[MotionTable] = Field(default_factory=list)
     gears: list[GearTable] = Field(default_factory=list)
     crank: CrankTable | None = None
     modal_damping: ModalDampingTable | None = None

@@ -85,8 +85,8 @@ class NamedMatrix:
         m = self.matrix
         i = self._numbers("row", rows, self.rows, m.rows)
         j = self._numbers("column", columns, self.columns, m.cols)
-        row_names = tuple(self.rows[k] for k in i) if self.rows else tuple(str(k + 1) for k in i)
-        column_names = tuple(self.columns[k] for k in j) if self.columns else tuple(str(k + 1) for k in j)
+        in_rows = tuple(self.rows[k] for k in i) if self.rows else tuple(str(k + 1) for k in i)
+        across = tuple(self.columns[k] for k in j) if self.columns else tuple(str(k + 1) for k in j)
         whole = i == j and self.symmetric
         chosen = list(product(i, j)) if rows or columns else []
         if "; " in self.unit:  # zeros have any unit
@@ -95,13 +95,7 @@ class NamedMatrix:
         whole_left = None if self.left != 0 and (rows or columns) else self.left
         left = sp.ImmutableMatrix([self.lefts[k] for k in i]) if self.lefts else whole_left
         return replace(
-            self,
-            matrix=m.extract(i, j),
-            unit=unit,
-            rows=row_names,
-            columns=column_names,
-            symmetric=whole,
-            left=left,
+            self, matrix=m.extract(i, j), unit=unit, rows=in_rows, columns=across, symmetric=whole, left=left
         )
 
     def _numbers(self, kind: str, selected: Sequence[str], names: Sequence[str], count: int) -> list[int]:
@@ -162,6 +156,7 @@ class SaddlePoint:
     A multiplier whose pivot is at most ``rank_tolerance`` of its terms of equal sign is zero; callers of
     kernels may pass another tolerance. If rows of J are ``independent`` everywhere, no pivot is compared.
     ``costs``: counted costs by orders, the chosen one first; ``couples``: matrices of couples by forces in f.
+    ``efforts``: matrix of the forces by unknowns that make the multipliers of the rows ``motions`` zero.
     """
 
     mass: str
@@ -173,6 +168,8 @@ class SaddlePoint:
     independent: bool = False
     costs: tuple[tuple[str, int], ...] = ()
     couples: tuple[str, ...] = ()
+    efforts: str = ""
+    motions: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

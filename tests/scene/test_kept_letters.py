@@ -118,7 +118,8 @@ MOUNTED = {
          "angular_stiffness": ["1 N*m", "2 N*m", "4 N*m"], "angular_damping": ["1 N*m*s", "2 N*m*s", "3 N*m*s"]},
     ],
 }  # fmt: skip
-WRITTEN = {"bars": LOADED, "elastic": ELASTIC, "loop": LOOP, "mounted": MOUNTED}
+MOVED = BARS | {"motions": [{"of": "Q.x", "value": "80 cm"}], "torques": [{"link": "bar", "torque": "?"}]}
+WRITTEN = {"bars": LOADED, "moved": MOVED, "elastic": ELASTIC, "loop": LOOP, "mounted": MOUNTED}
 
 
 def leaves(data, path=()):

@@ -80,6 +80,8 @@ def momentum_system(linkage: Linkage, cuts: Sequence[str] = (), *, joined: bool 
         whole = RodsModel(linkage)
         if whole.loads.of_joints:
             raise DerivationError(f"{linkage.name} has no momentum rows: these have no friction of bearings")
+        if linkage.motions:
+            raise DerivationError(f"{linkage.name} has no momentum rows: these have no [[motions]]")
         whole.check_masses()
         opened, chosen = cut_linkage(whole, cuts)
         model = RodsModel(opened) if chosen else whole

@@ -14,8 +14,9 @@ from symgen.mechanics.rods.gear import mesh_change, mesh_error, mesh_slopes, tur
 from symgen.mechanics.rods.loads import vector_between
 from symgen.mechanics.rods.particles import Vector, length_constraint
 from symgen.models.rods.drives import AngleDrive, Drive, angle_drive, other_drives
+from symgen.models.rods.drives.motion import motion_error
 from symgen.models.rods.loads import Loads
-from symgen.models.rods.points import Points, bar_name
+from symgen.models.rods.points import Points, bar_name, multiplier_of
 from symgen.scene.rods.linkage import Linkage, RigidLink
 from symgen.symbolic.calculus import ONE, ZERO, chained
 from symgen.symbolic.quantity import Quantity, quantity
@@ -316,6 +317,8 @@ class ConstrainedPoints(Points):
         rows += [row.constraint for row in self.joints]
         rows += [row.constraint for row in self.guides]
         rows += [row.constraint for row in (*self.turned, *self.gears)]
+        for m in self.linkage.motions:
+            rows.append(Constraint(m.name, f"the motion of {m.text}", motion_error(self.loads, m), ONE, "m"))
         angles = [row.constraint for row in self.welded_angles]
         # At rest hinges determine the pose of a frame as far as they can, and welds the remaining freedoms.
         return [*rows, *(angles if self.linkage.moves else self._holding(rows, angles))]
@@ -392,6 +395,6 @@ class ConstrainedPoints(Points):
     def multipliers(self) -> dict[str, Quantity]:
         """Lagrange multiplier of each constraint row."""
         return {
-            c.name: quantity(f"{c.name}_lambda", c.multiplier_unit, f"multiplier of {c.label}")
+            c.name: quantity(multiplier_of(c.name), c.multiplier_unit, f"multiplier of {c.label}")
             for c in self.constraints
         }

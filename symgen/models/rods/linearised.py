@@ -18,6 +18,7 @@ import sympy as sp
 from symgen.mechanics.sources import NONE, Sources
 from symgen.models.general.equations import equations_of
 from symgen.models.rods.constraints import Constraint
+from symgen.models.rods.drives.motion import gap
 from symgen.models.rods.linkage import REFERENCE, Gradient, RodsModel
 from symgen.models.rods.matrix import named
 from symgen.models.rods.start import metric_of
@@ -56,7 +57,10 @@ def driven_motion(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]:
         about = "prescribed angles, lengths and places"
         exports.append(Export("drives", about, tuple(m.name for m in matrices)))
     driven = ((d.value, *d.components) for d in model.angle_drives)
-    if along := [sp.cos(angle) * x + sp.sin(angle) * y for angle, x, y in driven]:
+    along = [sp.cos(angle) * x + sp.sin(angle) * y for angle, x, y in driven]
+    of_motions = (gap(model.loads, motion) for motion in model.linkage.motions if motion.links)
+    along += [size * sp.cos(off) for off, size in of_motions]
+    if along:
         about = "components of driven links along their prescribed directions: negative half a turn off"
         matrices.append(named(model, "along_drives", along, "m", about))
         exports.append(Export("along_drives", about, ("along_drives",)))

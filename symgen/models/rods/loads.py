@@ -49,6 +49,13 @@ class Loads:
             for x in placed
             if x.of_joint
         }
+        #: Efforts of drives that keep motions, by load: unknowns behind the multipliers.
+        self.efforts = {
+            x.name: quantity(f"{x.name}_effort", _UNITS[on.effort], f"effort of {x.noun} {number}")
+            for _, number, x in self.linkage.placed_loads
+            if x.is_sought and not self.linkage.kinematic
+            for on in x.measures(len(model.axes))
+        }
         #: Every load with its terms by measure.
         self.terms: list[tuple[Load, LoadTerm]] = [(x, t) for x in placed for t in x.terms(len(model.axes))]
 
@@ -230,6 +237,8 @@ class Loads:
 
     def _effort(self, term: LoadTerm, named: str) -> Entries:
         on, shown = term.on, self.model.shown
+        if sought := [x for x, t in self.terms if t == term and x.is_sought]:
+            return [self.efforts[sought[0].name].symbol], _UNITS[on.effort], f"{on.effort} of {named}"
         force = on.observed(self, self.with_state(term.total))
         if len(force) > 1:
             force = shown(force)
@@ -314,6 +323,8 @@ class Loads:
     def _state(self, name: str) -> sp.Expr:
         """Return the quantity ``owner.word`` of the state."""
         owner, _, word = name.partition(".")
+        if word == "effort":
+            return self.efforts[owner].symbol
         if word == "couple":
             return self.of_joints[owner].symbol
         if word == "state":

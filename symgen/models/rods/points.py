@@ -102,8 +102,9 @@ class Points:
 
     @cached_property
     def in_place(self) -> Replacement:
-        """The prescribed motion of the ground points, substituted."""
-        return Replacement(self.held)
+        """The prescribed motion of the ground points, and multipliers of motions as zero, substituted."""
+        without = (sp.Symbol(multiplier_of(m.name), real=True) for m in self.linkage.motions)
+        return Replacement(self.held | dict.fromkeys(without, ZERO))
 
     def supports(self, point: str) -> tuple[str, ...]:
         """Return the free and ground points that place a point: itself if it has coordinates."""
@@ -296,6 +297,11 @@ class Points:
 def bar_name(body: SpatialBody, start: str, end: str) -> str:
     """Return the name of the row that keeps two base points of a body apart."""
     return f"{body.name}_{start}_{end}"
+
+
+def multiplier_of(row: str) -> str:
+    """Return the name of the multiplier of a row."""
+    return f"{row}_lambda"
 
 
 def _names(part: Part) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ import sympy as sp
 
 from symgen.loads.measure import Gradient
 from symgen.models.rods.drives import angle_drive
+from symgen.models.rods.drives.motion import gap
 from symgen.models.rods.matrix import named, sparse
 from symgen.scene.rods.linkage import TIME
 from symgen.scene.rods.rotations import Driver
@@ -53,7 +54,8 @@ def assembly_exports(model: RodsModel) -> tuple[list[NamedMatrix], list[Export]]
     matrices = [named(model, "drawn", drawn, "m", "coordinates as drawn", rows=names)]
     exports = [Export("drawn", "coordinates as drawn", ("drawn",))]
     start = linkage.start
-    bound = linkage.guides or linkage.drivers or model.shared or not all(k.as_drawn for k in model.rods)
+    bound = any((linkage.guides, linkage.drivers, linkage.motions, model.shared))
+    bound = bound or not all(k.as_drawn for k in model.rods)
     if start.angles or bound or (model.constraints and _displaced(model)):
         matrices += _assembly(model)
         about = "residual and Jacobian of the start's positions; u[0] goes from 0 (drawn) to 1 (start)"
@@ -114,7 +116,7 @@ def _assembly(model: RodsModel) -> list[NamedMatrix]:
     drawn, constants = _as_drawn(model), model.linkage.constants
     angles = [angle_drive(model, Driver(link, angle)) for link, angle in model.linkage.start.angles]
     angles += model.angle_drives
-    driven = {d.row for d in angles}
+    driven = {d.row for d in angles} | {m.name for m in model.linkage.motions if m.links}
     residuals, rows = [], []
     for constraint in model.constraints:
         if constraint.name not in driven:
@@ -129,6 +131,11 @@ def _assembly(model: RodsModel) -> list[NamedMatrix]:
         now = _angle(drawn_x, drawn_y) + s * turn
         residuals.append(y * sp.cos(now) - x * sp.sin(now))
         rows.append(f"{' against '.join(angled.driver.links)} angle")
+    for motion in (m for m in model.linkage.motions if m.links):
+        off, size = gap(model.loads, motion)
+        drawn_off = _written(off.xreplace(drawn).xreplace(constants))
+        residuals.append(size * sp.sin(off - (1 - s) * _angle(sp.cos(drawn_off), sp.sin(drawn_off))))
+        rows.append(motion.text)
     for part in _floating(model):
         for axis, places in zip(model.axes, zip(*map(model.position, part), strict=True), strict=True):
             mean = sp.Add(*places) / len(part)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from symgen.errors import SceneError
 from symgen.mechanics.sources import linkage_sources
-from symgen.models.couples import joint_couples
+from symgen.models.couples import EFFORTS, effort_forces, joint_couples
 from symgen.models.limits import limits_of
 from symgen.models.rods import outputs
 from symgen.models.rods.elimination import is_open, order_of
@@ -95,6 +95,8 @@ def linkage_system(linkage: Linkage) -> System:
             is_open(model),
             costs,
             tuple(m.name for m in couples),
+            EFFORTS if model.loads.efforts else "",
+            tuple(m.name for m in linkage.motions),
         ),
         references=(REFERENCE,),
         sources=linkage_sources(model.sliding),
@@ -120,7 +122,12 @@ def groups(model: RodsModel) -> tuple[Group, ...]:
         Group(
             "work",
             "accelerations and multipliers, as the kernel 'accelerations' wrote them",
-            (*free, *model.multipliers.values(), *model.loads.of_joints.values()),
+            (
+                *free,
+                *model.multipliers.values(),
+                *model.loads.of_joints.values(),
+                *model.loads.efforts.values(),
+            ),
         ),
     )
 
@@ -162,6 +169,7 @@ def _equations(model: RodsModel) -> list[NamedMatrix]:
     if model.power != 0:
         about = "power of the loads without potential, of drives and of the moving ground"
         energies.append(named(model, "power", [model.power], "W", about))
+    forces, by_efforts = effort_forces(model)
     return [
         sparse(
             model,
@@ -172,7 +180,8 @@ def _equations(model: RodsModel) -> list[NamedMatrix]:
             rows=names,
             symmetric=True,
         ),
-        named(model, "force", model.applied, "N", "applied forces, f", rows=names),
+        named(model, "force", forces, "N", "applied forces, f", rows=names),
+        *by_efforts,
         *constraints(model),
         *energies,
     ]
@@ -318,6 +327,9 @@ def _exports(model: RodsModel) -> list[Export]:
     if model.loads.divided:
         about = "lengths of springs and actuators, by which their forces are divided"
         exports.append(Export("line_lengths", about, ("line_lengths",)))
+    if model.loads.efforts:
+        about = "forces by the efforts that keep prescribed motions"
+        exports.append(Export(EFFORTS, about, (EFFORTS,)))
     if model.ground:
         exports.append(Export("reactions", "reactions at the ground points", ("reactions",)))
     return exports

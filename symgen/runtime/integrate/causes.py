@@ -1,4 +1,4 @@
-"""Why a state has no finite accelerations: springs and actuators at zero length, bearings that lock."""
+"""Why a state has no finite accelerations: springs at zero length, locked bearings, dead points of drives."""
 
 from __future__ import annotations
 
@@ -17,12 +17,26 @@ _AHEAD = (0.0, 1.0, 1e3, 1e6)
 
 def cause(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float = 0.0) -> str:
     """Name what has no finite force at a state, or within ``reach`` [m] of it; '' for none."""
-    return _without_direction(evaluator, t, q, u, reach) or _locked(evaluator, t, q, u, reach)
+    return (
+        _without_direction(evaluator, t, q, u, reach)
+        or _locked(evaluator, t, q, u, reach)
+        or _idle(evaluator, t, q, u)
+    )
+
+
+def _idle(evaluator: Evaluator, t: float, q: Array, u: Array) -> str:
+    """Tell whether the drives of unknown effort cannot move what is prescribed."""
+    efforts = evaluator.efforts
+    if not efforts or np.isfinite(evaluator("accelerations", t, q, u)[-len(efforts) :]).all():
+        return ""
+    drives, d = ", ".join(name.rpartition(".")[0] for name in efforts), evaluator.description
+    moved = [x.removeprefix("the motion of ") for x in d.labels if x.startswith("the motion of ")]
+    return f"{drives} cannot move {', '.join(moved)} there: it is at a dead point, or moves another part"
 
 
 def _locked(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float) -> str:
     """Tell whether friction of bearings is lost as its coefficients rise from zero."""
-    if not evaluator.couples:
+    if not evaluator.couples or evaluator.efforts:
         return ""
     way = u * (reach / max(float(np.max(np.abs(u), initial=0.0)), 1e-300))
     tried = (evaluator("accelerations", t, q + part * way, u) for part in _AHEAD)

@@ -177,7 +177,7 @@ def equations_of(
 ) -> tuple[_core.KernelEquations, Array]:
     """Return the equations of a run from y = (q, u), and y with the work of loads where it is integrated."""
     if evaluator.couples:
-        _check_explicit(evaluator.description.name, chosen)
+        _check_explicit(evaluator, chosen)
     allowed = slack(evaluator, y[: len(y) // 2]) if redundant else np.inf
     if redundant and typed is not None:
         allowed = typed.precision.coarsened(allowed)
@@ -187,11 +187,12 @@ def equations_of(
     return equations, np.append(y, 0.0) if equations.extra else y
 
 
-def _check_explicit(name: str, chosen: Options) -> None:
-    """Check that a run with couples by the forces in joints is by an explicit method."""
+def _check_explicit(evaluator: Evaluator, chosen: Options) -> None:
+    """Check that a run with unknowns behind the multipliers is by an explicit method."""
+    of = "unknown efforts: their" if evaluator.efforts else "friction of bearings: its"
     if chosen.method.kind != "explicit":
         raise ModelError(
-            f"{name}: {chosen.method.name} is not for friction of bearings: its slopes are not derived\n"
+            f"{evaluator.description.name}: {chosen.method.name} is not for {of} slopes are not derived\n"
             "  Choose dop853, dopri5 or rk4."
         )
 

@@ -300,6 +300,8 @@ class Description(Described):
         last = label.rpartition(" ")[2]
         if label.startswith("the drive "):
             return self.driver(last)
+        if label.startswith("the motion of "):
+            return f"motions.{self.constraints[constraint].rpartition('_')[2]}"
         if " link " in label:
             return f"links.{last}" if label.startswith("the length ") else f"links.{last}.points"
         if label.startswith("the guide "):

@@ -148,8 +148,15 @@ class Evaluator(Kernels):
         return {b.name: part(out, b) for b in self.info(kernel).blocks}
 
     @cached_property
+    def efforts(self) -> tuple[str, ...]:
+        """Names of the efforts that keep prescribed motions, unknowns behind the multipliers."""
+        motion = self.description.kernel("accelerations")
+        blocks = motion.blocks if motion else ()
+        return next((b.rows for b in blocks if b.name == "effort_forces"), ())
+
+    @cached_property
     def couples(self) -> int:
-        """Number of couples by the forces in joints, unknowns behind the multipliers."""
+        """Number of couples by the forces in joints, or of efforts: unknowns behind the multipliers."""
         d, motion = self.description, self.description.kernel("accelerations")
         return motion.out_size - d.coordinates - len(d.constraints) if motion else 0
 

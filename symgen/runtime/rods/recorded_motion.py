@@ -144,11 +144,16 @@ def recorded(
 def coordinate_of(
     times: Array, variables: Sequence[Variable], drive: str
 ) -> tuple[Coordinate, list[Variable]]:
-    """Return the output ``drive`` as the coordinate, or the time without one, and the other outputs."""
+    """Return the output ``drive`` as the coordinate, or the time without one, and the other outputs.
+
+    Of a component that is prescribed, its vector remains.
+    """
+    vectors = {name for v in variables for name in v.names[1:]}
     for v in variables:
         if v.name == drive:
-            return Coordinate(drive, v.unit, drive, v.values), [x for x in variables if x is not v]
-    return over_time(times), list(variables)
+            others = [x for x in variables if x is not v and x.name not in vectors]
+            return Coordinate(drive, v.unit, drive, v.values), others
+    return over_time(times), [x for x in variables if x.name not in vectors]
 
 
 def _requested(constraints: Constraints, samples: Poses, along: CurvePositions) -> list[Variable]:

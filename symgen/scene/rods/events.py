@@ -1,4 +1,4 @@
-"""Events of a scene: instants that a run locates."""
+"""Quantities of the state: events, which are instants that a run locates, and prescribed motions."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ from collections.abc import Iterator
 import sympy as sp
 
 from symgen.errors import SceneError
+from symgen.scene import units
 from symgen.scene.expressions import Names, parse_any
 from symgen.scene.faults import at
 from symgen.scene.reading import NAME, Reader
 from symgen.scene.rods.linkage import TIME, Event, state_of
+from symgen.scene.rods.rotations import PrescribedMotion
 from symgen.symbolic.quantity import AXES
+from symgen.symbolic.switch import PiecewisePolynomial, Sign
 
 _DIRECTIONS = {"rising": 1, "falling": -1, "both": 0}
 
@@ -44,6 +47,72 @@ def events(read: Reader) -> Iterator[Event]:
             event.ends_run,
             f"{event.of} passes {event.value}",
         )
+
+
+def motions(read: Reader) -> Iterator[PrescribedMotion]:
+    """Yield the prescribed motions of quantities other than those of drives.
+
+    Raises
+    ------
+    SceneError
+        For a quantity that is no smooth function of places and angles, and for a scene with elastic links.
+    """
+    of_state = _names(read) if read.scene.motions else {}
+    for i, motion in enumerate(read.scene.motions):
+        where = f"motions.{i}"
+        if read.has_elastic_links:
+            raise SceneError(
+                "a scene with elastic links has no motions of such quantities",
+                where=where,
+                hint='Prescribe the motion of the crank, or write angle = "..." under [[drivers]].',
+            )
+        with at(f"{where}.of"):
+            quantity, dimension = parse_any(motion.of, of_state)
+            owners = _places(quantity, motion.of)
+            if dimension not in (units.LENGTH, units.NUMBER) or (dimension == units.LENGTH) == bool(owners):
+                raise SceneError(
+                    f"expected a length of places, or an angle of links, got {motion.of!r}",
+                    hint="Write one such as A.position.x, or rocker.angle in the plane.",
+                )
+            if owners and not revolves(quantity):
+                raise SceneError(
+                    f"expected a sum or a difference of angles of links, got {motion.of!r}: a revolution of "
+                    "a link must change it by a revolution",
+                    hint="Prescribe the angle itself.",
+                )
+        read.keep(quantity, motion.of, f"{where}.of", of_state, NAME.findall(motion.of))
+        value = read.value(motion.value, dimension, f"{where}.value", read.with_time)
+        read.moving(value, dimension, f"{where}.value")
+        yield PrescribedMotion(f"motion_{i}", _output(quantity, i), motion.of, quantity, value, owners)
+
+
+def _places(quantity: sp.Expr, text: str) -> tuple[str, ...]:
+    """Return the links whose angles are in a quantity, which is a smooth one of places and angles."""
+    state = [str(s.name) for s in state_of(quantity)]
+    if not state:
+        raise SceneError(f"{text!r} does not depend on the state", hint="Write a place or an angle.")
+    words = {name: name.rpartition(".")[2] for name in state}
+    if moving := [name for name, word in words.items() if word not in (*AXES, "angle")]:
+        raise SceneError(
+            f"expected places and angles, got {moving[0]}",
+            hint="Prescribe the place or the angle, whose rate follows.",
+        )
+    if TIME.symbol in quantity.free_symbols:
+        raise SceneError(f"{text!r} depends on t", hint="Write functions of t in value.")
+    if quantity.has(sp.Abs, Sign, PiecewisePolynomial):
+        raise SceneError(
+            f"{text!r} has kinks or jumps: accelerations are not finite there",
+            hint="Write a smooth quantity.",
+        )
+    return tuple(name.rpartition(".")[0] for name, word in words.items() if word == "angle")
+
+
+def _output(quantity: sp.Expr, number: int) -> str:
+    """Return the name of a quantity in results: that of the output where it is one."""
+    if not quantity.is_Symbol:
+        return f"motions.{number}"
+    owner, _, word = str(quantity.name).rpartition(".")
+    return f"{owner}.{word}" if word == "angle" else f"{owner}.position.{word}"
 
 
 def revolves(gap: sp.Expr) -> bool:

@@ -110,6 +110,12 @@ def of_linkage(linkage: Linkage) -> tuple[Linkage, Letters]:
         loads=loads,
         drivers=tuple(_driver(letters, linkage, i) for i in range(len(linkage.drivers))),
         events=tuple(_event(letters, linkage, i) for i in range(len(linkage.events))),
+        motions=tuple(
+            replace(
+                m, of=letters.form(f"motions.{i}.of", m.of), value=letters.form(f"motions.{i}.value", m.value)
+            )
+            for i, m in enumerate(linkage.motions)
+        ),
         states=tuple(replace(s, rate=letters.form(f"states.{s.name}.rate", s.rate)) for s in linkage.states),
     )
     windings = tuple(

@@ -16,7 +16,7 @@ from symgen.loads.load import Load
 from symgen.loads.measure import Measure
 from symgen.scene.elastic.links import Crank, ElasticLink, JointInSpace, ModalDamping, Station
 from symgen.scene.limit import Limit
-from symgen.scene.rods.rotations import Driver, GearPair, Hinge
+from symgen.scene.rods.rotations import Driver, GearPair, Hinge, PrescribedMotion
 from symgen.scene.rods.run_parameters import FirstOrder, Parameter, Switch, Winding, Written, defaults
 from symgen.scene.units import Shown
 from symgen.symbolic.constants import rounded
@@ -271,6 +271,7 @@ class Linkage:
     events: tuple[Event, ...] = ()
     states: tuple[FirstOrder, ...] = ()
     gears: tuple[GearPair, ...] = ()
+    motions: tuple[PrescribedMotion, ...] = ()
     windings: tuple[Winding, ...] = ()
     switches: tuple[Switch, ...] = ()
     plane: Plane | None = None
@@ -316,7 +317,8 @@ class Linkage:
     @property
     def moves(self) -> bool:
         """Whether ground, drives or a motor move it in the rigid motion of its elastic links."""
-        prescribed = [c for p in self.points if p.ground for c in p.motion] + [d.angle for d in self.drivers]
+        prescribed = [c for p in self.points if p.ground for c in p.motion]
+        prescribed += [*(d.angle for d in self.drivers), *(m.value for m in self.motions)]
         driven = self.crank is not None and self.crank.mode == "motor"
         return driven or any(TIME.symbol in e.free_symbols for e in prescribed)
 

@@ -15,10 +15,16 @@ from symgen.scene import units
 from symgen.scene.expressions import Names, parse_any
 from symgen.scene.faults import at
 from symgen.scene.reading import Reader, Values
-from symgen.scene.rods.linkage import TIME, PlacedMass, RigidLink
+from symgen.scene.rods.linkage import TIME, Linkage, PlacedMass, RigidLink
+from symgen.scene.rods.rotations import Driver, Hinge
 from symgen.scene.rods.run_parameters import FirstOrder
 from symgen.scene.schema import PointMass
 from symgen.scene.units import is_quantity
+from symgen.symbolic.calculus import ZERO
+from symgen.symbolic.vectors import dot
+
+#: Cosine of the angle of a rod with an axis that counts as a right one.
+_RIGHT = 1e-9
 
 
 def masses(read: Reader, links: Sequence[RigidLink]) -> Iterator[PlacedMass]:
@@ -56,6 +62,68 @@ def loads(read: Reader) -> Iterator[Load]:
     for table, kind in LOADS.items():
         for i, written in enumerate(getattr(read.scene, table)):
             yield kind.read(read, written, kind.numbered(i), f"{table}.{i}")
+
+
+def turned(loads: Sequence[Load]) -> Iterator[Driver]:
+    """Yield the links on which torques of unknown size act, as drives of their angles."""
+    yield from (Driver(x.turns, ZERO) for x in loads if x.turns)
+
+
+def about_axes(read: Reader, loads: Sequence[Load], hinges: Sequence[Hinge]) -> Iterator[Load]:
+    """Yield the loads, in space with torques of unknown size about the revolute joints of their links.
+
+    Raises
+    ------
+    SceneError
+        For such a torque on a link without revolute joint with the ground, or against another link.
+    """
+    axes = {hinge.link: hinge.axis for hinge in hinges if not hinge.against}
+    for load in loads:
+        link = load.turns
+        if read.dimension == 2 or not link:
+            yield load
+            continue
+        where = f"{load.plural}.{load.name.rpartition('_')[2]}"
+        against = next(name for m in load.measures(3) for key, name in m.links if key == "against")
+        if against or link not in axes:
+            raise SceneError(
+                f"in space an unknown torque acts about a revolute joint with the ground, not on {link}"
+                + f" against {against}" * bool(against),
+                where=f"{where}.{'against' if against else 'torque'}",
+                hint=f'Write [[joints]] with point, links = ["{link}"], kind = "revolute" and axis, or '
+                'force = "?" under [[actuators]].',
+            )
+        axis = axes[link]
+        if not read.is_spatial_body(link):
+            d, size = read.drawn(link), dot(axis, axis)
+            if read.number(dot(d, axis)) ** 2 > _RIGHT**2 * read.number(dot(d, d) * size):
+                raise SceneError(
+                    f"an unknown torque acts on rods at right angles to its axis, not on {link}",
+                    where=f"{where}.link",
+                    hint="Make the link a body.",
+                )
+        yield load.about(axis)
+
+
+def check_efforts(linkage: Linkage) -> None:
+    """Check that there are as many unknown efforts as motions that they keep.
+
+    Raises
+    ------
+    SceneError
+        For another number of them, and where they act on elastic links.
+    """
+    sought = [f"{table}.{i}" for table, i, load in linkage.placed_loads if load.is_sought]
+    if linkage.kinematic or len(sought) == len(linkage.motions):
+        return
+    where = sought[0] if len(sought) > len(linkage.motions) else "motions.0"
+    raise SceneError(
+        f"expected as many unknown efforts as motions, got {len(sought)} and {len(linkage.motions)}"
+        + f" ({', '.join(sought)})" * bool(sought),
+        where=where,
+        hint='Write torque = "?" under [[torques]], or force = "?" under [[actuators]], for each of the '
+        '[[motions]]; kind = "kinematics" under [analysis] needs none.',
+    )
 
 
 def states(read: Reader) -> Iterator[FirstOrder]:

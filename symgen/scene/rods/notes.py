@@ -71,6 +71,7 @@ def _of_hertz(scene: Scene) -> Iterator[str]:
     quantities: list[tuple[str, object]] = [
         (f"drivers.{k}.angle", driver.angle) for k, driver in enumerate(scene.drivers)
     ]
+    quantities += [(f"motions.{k}.value", motion.value) for k, motion in enumerate(scene.motions)]
     quantities += [("crank.speed", scene.crank.speed)] if scene.crank else []
     quantities += [(f"start.rates.{name}", rate) for name, rate in scene.start.rates.items()]
     for where, text in quantities:
@@ -87,6 +88,7 @@ def _of_loads(scene: Scene, linkage: Linkage) -> Iterator[str]:
     prescribed = (
         *(k.length for k in linkage.links),
         *(d.angle for d in linkage.drivers),
+        *(m.value for m in linkage.motions),
         *(c for p in linkage.points if p.ground for c in p.motion),
     )
     moved = any(TIME.symbol in e.free_symbols for e in prescribed)

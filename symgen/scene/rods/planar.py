@@ -86,6 +86,7 @@ def _leaving(linkage: Linkage, plane: Plane, values: Values) -> Iterator[str]:
         **{f"{table}.{i}": load.expressions for table, i, load in linkage.placed_loads},
         **{f"events.{i}": (event.gap,) for i, event in enumerate(linkage.events)},
         **{f"states.{state.name}": (state.rate,) for state in linkage.states},
+        **{f"motions.{i}": (motion.of,) for i, motion in enumerate(linkage.motions)},
     }
     for where, expressions in stated.items():
         if any(_lost(e, values) for e in expressions):
@@ -132,6 +133,7 @@ def _projected(linkage: Linkage, plane: Plane, values: Values) -> Linkage:
         loads=tuple(load.in_plane(plane.across, lambda e: e.xreplace(values)) for load in linkage.loads),
         events=tuple(replace(e, gap=e.gap.xreplace(values)) for e in linkage.events),
         states=tuple(replace(s, rate=s.rate.xreplace(values)) for s in linkage.states),
+        motions=tuple(replace(m, of=m.of.xreplace(values)) for m in linkage.motions),
         start=StartConditions(
             start.angles,
             tuple((name, turning(rate)) for name, rate in start.rates),

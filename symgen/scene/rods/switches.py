@@ -65,6 +65,10 @@ def _prescribed(linkage: Linkage, switches: _Switches) -> dict[str, Any]:
             replace(d, angle=switches.with_branches(f"the drive of {d.link}", d.angle))
             for d in linkage.drivers
         ),
+        "motions": tuple(
+            replace(m, value=switches.with_branches(f"the motion of {m.text}", m.value))
+            for m in linkage.motions
+        ),
         "points": tuple(
             replace(p, motion=tuple(switches.with_branches(f"the motion of {p.name}", x) for x in p.motion))
             for p in linkage.points

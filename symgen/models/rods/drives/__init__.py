@@ -8,6 +8,7 @@ from symgen.models.rods.drives.between_links import relative_drive
 from symgen.models.rods.drives.direction import direction_drive
 from symgen.models.rods.drives.drive import AngleDrive, Drive
 from symgen.models.rods.drives.length import length_drives
+from symgen.models.rods.drives.motion import motion_drives
 from symgen.models.rods.drives.place import place_drives
 from symgen.models.rods.points import Points
 from symgen.scene.rods.rotations import Driver
@@ -27,5 +28,5 @@ def angle_drive(model: Points, driver: Driver) -> AngleDrive:
 
 
 def other_drives(model: Points) -> tuple[Drive, ...]:
-    """Return the drives of lengths and of the ground."""
-    return (*length_drives(model), *place_drives(model))
+    """Return the drives of lengths and of the ground, and what motions prescribe."""
+    return (*length_drives(model), *place_drives(model), *motion_drives(model))

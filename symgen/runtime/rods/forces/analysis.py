@@ -24,6 +24,7 @@ from symgen.runtime.result.records import Drift, Variable, converters, of_model
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.forces.assembly import Assembly, ForceSolution, Unknown, solve
+from symgen.runtime.rods.forces.efforts import dead_points, efforts
 from symgen.runtime.rods.forces.multipliers import by_multipliers
 from symgen.runtime.rods.kinematics import Followed, driven, follow, with_references
 from symgen.runtime.rods.poses import Poses
@@ -50,13 +51,19 @@ class _Linkage:
         return {name: float(values[0]) for name, values in self.driving(np.array([t])).items()}
 
     def driving(self, times: Array) -> dict[str, Array]:
-        """Return the same at many times."""
+        """Return the same at many times; with motions that efforts keep, of every drive [rad or m]."""
+        if self.constraints.evaluator.efforts:
+            return self.constraints.driving(times)
         return driving(self.loads, times)
 
     def at(self, t: float) -> str:
         """Return a time in words, with the directions of the driven links."""
-        directions = [f"{name} = {math.degrees(v):.9g} deg" for name, v in self.drives(t).items()]
-        return ", ".join([*directions, f"t = {t:.9g} s"])
+        units = self.constraints.units()
+        parts = [
+            f"{name} = {v:.9g} m" if units[name] == "m" else f"{name} = {math.degrees(v):.9g} deg"
+            for name, v in self.drives(t).items()
+        ]
+        return ", ".join([*parts, f"t = {t:.9g} s"])
 
 
 def driving(loads: Evaluator, times: Array) -> dict[str, Array]:
@@ -110,7 +117,7 @@ def analyse(
         t = float(poses.times[unknown[0]])
         raise SimulationError(f"no finite forces at {linkage.at(t)}: a load there is not a number", time=t)
     lost = np.flatnonzero(solution.rank < assembly.size - redundant)
-    notes = [*_notes(linkage, assembly, solution, followed)]
+    notes = [*dead_points(constraints, poses), *_notes(linkage, assembly, solution, followed)]
     if len(lost):
         causes = [_undetermined(linkage, assembly, solution, i) for i in lost.tolist()]
         if over.at is not None or len(lost) == len(poses):
@@ -123,12 +130,11 @@ def analyse(
 
 
 def _with_couples(linkage: _Linkage, poses: Poses) -> Poses:
-    """Return poses with the couples by the forces in joints, by the equations of motion."""
+    """Return poses with couples by the forces in joints, or efforts, by the equations of motion."""
     unknowns = solutions(linkage.constraints, linkage.redundant, poses)
     for i in np.flatnonzero(~np.isfinite(unknowns).all(axis=1)).tolist():
         t = float(poses.times[i])
-        reason = cause(linkage.constraints.evaluator, t, poses.q[i], poses.u[i])
-        reason = reason or "a load there is not a number"
+        reason = why(linkage.constraints, poses, t)
         raise SimulationError(f"no finite forces at {linkage.at(t)}: {reason}", time=t)
     return replace(poses, unknowns=unknowns)
 
@@ -260,7 +266,7 @@ def _variables(
 ) -> Iterator[Variable]:
     axes, x = assembly.description.axes, solution.x
     for name, values in linkage.driving(np.array(assembly.times)).items():
-        yield of_drive(name, values)
+        yield replace(of_drive(name, values), unit=linkage.constraints.units()[name])
     known = [of_unknown(u, axes, x[:, u.column : u.column + u.width]) for u in assembly.unknowns]
     yield from (v for v, u in zip(known, assembly.unknowns, strict=True) if u.kind == "torque")
     for point, force in assembly.reactions(x).items():
@@ -316,6 +322,12 @@ def selected(
         yield replace(v, values=along.counted(link, v.values)) if word == "angle" and link in d.links else v
 
 
+def why(constraints: Constraints, poses: Poses, t: float) -> str:
+    """Return why a pose, that at a time, has no finite forces."""
+    i = int(np.flatnonzero(poses.times == t)[0])
+    return cause(constraints.evaluator, t, poses.q[i], poses.u[i]) or "a load there is not a number"
+
+
 def of_drive(name: str, values: Array) -> Variable:
     """Return the direction of a driven link over the poses."""
     return Variable(name, "rad", f"drive {name}", (), values)
@@ -349,7 +361,7 @@ def _recorded(
     d, constraints = linkage.constraints.description, linkage.constraints
     drive = next(iter(linkage.drives(0.0)), "") if over.over == "input" else ""
     times = poses.times
-    forces = [*_variables(linkage, assembly, solution, request)]
+    forces = [*efforts(constraints, poses), *_variables(linkage, assembly, solution, request)]
     known = {v.name for v in forces}
     chosen = selected(constraints, linkage.redundant, poses, followed)
     forces += (v for v in chosen if v.name not in known)

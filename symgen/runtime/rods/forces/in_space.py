@@ -15,7 +15,8 @@ from symgen.runtime.result.recording import of_points
 from symgen.runtime.result.records import Drift, Variable, converters, of_model
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.constraints import Constraints
-from symgen.runtime.rods.forces.analysis import sampled, selected, solutions
+from symgen.runtime.rods.forces.analysis import sampled, selected, solutions, why
+from symgen.runtime.rods.forces.efforts import dead_points
 from symgen.runtime.rods.kinematics import driven, follow, with_references
 from symgen.runtime.rods.poses import Poses
 from symgen.runtime.rods.recorded_motion import coordinate_of
@@ -68,6 +69,7 @@ def analyse(constraints: Constraints, begin: State, redundant: int, request: Lin
     if d.switches:
         notes.append("loads switch: forces may jump between two poses, and extremes are those of the poses")
     notes += (pose.describe(shown) for pose in followed.poses)
+    notes += dead_points(constraints, poses)
     drives = constraints.driving(poses.times)
     units = constraints.units()
     variables = [Variable(name, units[name], f"drive {name}", (), x) for name, x in drives.items()]
@@ -76,7 +78,7 @@ def analyse(constraints: Constraints, begin: State, redundant: int, request: Lin
         finite = np.isfinite(v.values.reshape(len(poses), -1)).all(axis=1)
         if not np.all(finite):
             t = float(poses.times[~finite][0])
-            raise SimulationError(f"no finite {v.name} at {at(t)}: a load there is not a number", time=t)
+            raise SimulationError(f"no finite {v.name} at {at(t)}: {why(constraints, poses, t)}", time=t)
     coordinate, variables = coordinate_of(
         poses.times, variables, next(iter(drives), "") if over.over == "input" else ""
     )

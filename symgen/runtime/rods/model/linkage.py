@@ -115,7 +115,8 @@ class LinkageModel(Model):
         """Return a state from the positions [m] and velocities [m/s] of the moving points, by name.
 
         Points without an entry in ``velocities`` are at rest; ground points are ignored. The state is not
-        changed: :meth:`Model.simulate` projects it onto the constraints, :meth:`Model.accelerations` does not.
+        changed: :meth:`Model.simulate` projects it onto the constraints, :meth:`Model.accelerations` does
+        not.
 
         Instead of points, both may name independent coordinates as in :meth:`Model.linearise`, such as
         ``crank.angle`` [rad]: the linkage is moved there from its start, on its assembly branch, by less than
@@ -202,6 +203,11 @@ class LinkageModel(Model):
         return Constraints(self.evaluator, self.analysis("kinematics"))
 
     def _refused(self, name: str) -> str | None:
+        if name in ("equilibrium", *_OF_LOADS_OF_STATES) and self.evaluator.efforts:
+            return (
+                "its motions are kept by unknown efforts, whose slopes are not derived\n"
+                '  Give torques and forces in place of "?", and leave out [[motions]].'
+            )
         if name in _OF_LOADS_OF_STATES and self.evaluator.couples:
             return "friction of its bearings follows from the forces in them; its slopes are not derived"
         driven = name in ("kinematics", "inverse_dynamics", "assemblies")
