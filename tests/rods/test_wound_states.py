@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ctypes
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from shared.in_numpy import build
 
 import symgen
@@ -99,13 +101,48 @@ def test_a_state_by_an_angle_without_loads_by_angles_is_a_pose():
     assert model.state({"door.angle": 7.0}).positions["A"] == pytest.approx([np.cos(7.0), np.sin(7.0)])
 
 
-def test_a_record_says_where_the_right_hand_side_loses_a_revolution(wound):
-    """From -20 rad/s the door passes -10 deg, half a revolution from 170 deg, at the first 0.01 s."""
-    y = [np.concatenate([s.q, s.u]) for s in map(wound.reached, (0.0, 0.005, 0.01, 0.02))]
-    assert -angle_of_door(0.005)[0] < np.radians(10) < -angle_of_door(0.01)[0]
-    notes = wound.record([0.0, 0.005, 0.01, 0.02], y).notes
-    assert "passes half a revolution at t = 0.01 s: model.rhs has no revolutions" in " ".join(notes)
-    assert len(wound.record([0.0, 0.005], y[:2]).notes) == len(notes) - 1
+def test_other_solvers_count_revolutions(wound):
+    """The door turns by more than half a revolution away from the free angle, and back beyond."""
+    f, times = wound.rhs, np.linspace(0.0, 2.0, 41)
+    angle, rate, _ = angle_of_door(times)
+    assert np.ptp(angle) > 2 * np.pi and f.start.tolist() == [1, 0, 0, -20, pytest.approx(np.radians(-170))]
+    y = solve_ivp(f, (0.0, 2.0), f.start, "DOP853", times, rtol=1e-12, atol=1e-13).y
+    assert y[:2] == pytest.approx(np.array([np.cos(angle), np.sin(angle)]), abs=1e-8)
+    assert y[4] == pytest.approx(angle - np.radians(170), abs=1e-8)
+    energy = 10 * np.radians(170) ** 2 / 2 + 400 / 6
+    assert [f.energy(t, row) for t, row in zip(times, y.T, strict=True)] == pytest.approx(
+        [energy] * 41, rel=1e-8
+    )
+    run = wound.record(times, y.T)
+    assert run.drift.energy < 1e-7 * energy and run.drift.energy_exchanged > 0.5 * energy
+    assert f.project(2.0, y[:, -1]) == pytest.approx(y[:, -1], abs=1e-8)
+    assert wound.coordinates(y.T)["door.angle'"] == pytest.approx(rate, abs=1e-7)
+
+
+def test_solvers_in_c_count_revolutions():
+    """The compiled function takes the angle behind the state: a revolution more has its torque."""
+    f = symgen.build(symgen.Scene(**DOOR)).rhs
+    handle, rates = f.low_level, np.zeros(5)
+    signature = ctypes.CFUNCTYPE(None, ctypes.c_double, *[ctypes.c_void_p] * 3)
+    call = ctypes.cast(handle.function, signature)
+    for turned in (0.0, -2 * np.pi, 4 * np.pi):
+        y = f.start + [0, 0, 0, 0, turned]
+        call(0.0, y.ctypes.data, rates.ctypes.data, handle.user_data)
+        assert rates == pytest.approx([0, -20, -400, -30 * y[4], -20], rel=1e-12)
+        assert np.array_equal(rates, f(0.0, y))
+
+
+def test_states_of_other_solvers_have_the_revolutions_of_a_state(wound):
+    state = wound.reached(0.2)
+    y = wound.rhs.at(state)
+    assert y[4] == pytest.approx(angle_of_door(0.2)[0] - np.radians(170), abs=1e-6) and y[4] < -np.pi
+    assert wound.rhs(0.2, y)[2:4] == pytest.approx(wound.accelerations(state)["A"], rel=1e-12)
+    with pytest.raises(
+        ModelError, match=r"\(q, u, angles in loads\) of 5 numbers, got shape \(4,\)\n.*rhs.at\(state\)"
+    ):
+        wound.rhs(0.2, y[:4])
+    with pytest.raises(ModelError, match=r"expected states of shape \(1, 5\)"):
+        wound.record([0.0], [y[:4]])
 
 
 def test_a_time_after_the_event_that_ends_the_run_is_refused():

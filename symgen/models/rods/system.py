@@ -49,8 +49,9 @@ def linkage_system(linkage: Linkage) -> System:
     limits, kernel_of_limits = limits_of(linkage)
     # Zero-crossing functions of events and load switches, and angles: one column each.
     events = [*_events_of_scene(model), *switches_of(model), *_windings(model), *_turns(model)]
+    turning = _winding_rates(model)
     derived = {m.name for m in (*equations, *points)}
-    own = {m.name for m in (*start, *residual, *events, *end, *limits)} | {
+    own = {m.name for m in (*start, *residual, *events, *turning, *end, *limits)} | {
         *outputs.OF_THE_WHOLE,
         *_DIMENSIONS,
     }
@@ -72,6 +73,7 @@ def linkage_system(linkage: Linkage) -> System:
             *start,
             *residual,
             *events,
+            *turning,
             *end,
             *limits,
         ),
@@ -81,6 +83,7 @@ def linkage_system(linkage: Linkage) -> System:
             *start_kernels,
             *refining,
             *_events_kernel(events),
+            *(Export(m.name, m.description, (m.name,)) for m in turning),
             *run_end_kernel(end),
             *kernel_of_limits,
         ),
@@ -269,6 +272,16 @@ def _windings(model: RodsModel) -> list[NamedMatrix]:
     angles = [model.loads.angle(w.link, w.against, w.free) for w in windings]
     about = "angles in loads, continuous over revolutions"
     return [named(model, "windings", angles, "rad", about, rows=[w.reference.name for w in windings])]
+
+
+def _winding_rates(model: RodsModel) -> list[NamedMatrix]:
+    """Return the rates of angles in loads, which states of other solvers contain; of rigid links."""
+    windings = model.linkage.windings
+    if not windings or model.linkage.elastic:
+        return []
+    rates = [model.loads.turning(w.link, w.against)[1] for w in windings]
+    rows = [w.reference.name for w in windings]
+    return [named(model, "winding_rates", rates, "rad/s", "rates of angles in loads", rows=rows)]
 
 
 def _turns(model: RodsModel) -> list[NamedMatrix]:

@@ -298,8 +298,8 @@ class LoopModel(Model):
             raise CapabilityError(f"{self.name} does not support rhs: {reason}")
         d, begin = self.description, self.closed_start()
         equations = self.kernels.equations(d.dynamic, begin.rank, work_of_loads=False)
-        start = self.initial_state()
-        return Rhs(equations, np.concatenate([start.q, start.u]), d.inputs, len(d.tunable) - len(d.inputs))
+        begin_at = len(d.tunable) - len(d.inputs)
+        return Rhs(equations, self.initial_state(), lambda x: np.concatenate([x.q, x.u]), d.inputs, begin_at)
 
     def _jacobian(self, state: State | None = None) -> Array:
         at = self.initial_state() if state is None else state

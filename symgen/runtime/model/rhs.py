@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -11,10 +12,10 @@ from numpy.typing import ArrayLike
 
 from symgen.errors import ModelError
 from symgen.runtime._rhs import Rhs
-from symgen.runtime.arrays import Array
+from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.integrate.redundancy import slack
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.result.recording import grouped, motion, outputs_by_group
+from symgen.runtime.result.recording import grouped, motion, outputs_by_group, references_of
 from symgen.runtime.result.records import Drift, Variable, of_model, over_time
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State
@@ -26,7 +27,10 @@ _SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_double, _VECTOR, _VECTOR, ctypes.c_
 def right_hand_side(begin: State, evaluator: Evaluator, redundant: int, work_of_loads: bool = False) -> Rhs:
     """Return ``f`` with dy/dt = f(t, y, u) of y = (q, u): coordinates [m] and velocities [m/s] in order.
 
-    It takes any array of 2n numbers and returns a new one, in one compiled call:
+    Behind them are the angles of torsion springs, and in other loads [rad], from their free angle or zero on:
+    with them a state has revolutions. ``f.at(state)`` returns y of a ``State``.
+
+    It takes any array of these numbers and returns a new one, in one compiled call:
     ``solve_ivp(model.rhs, (0, 1), model.rhs.start)``. ``f(t, y, u)`` takes values u of the scene's inputs,
     in SI units and in the order of ``inputs``; without u they are those of ``model.parameters``.
 
@@ -42,11 +46,7 @@ def right_hand_side(begin: State, evaluator: Evaluator, redundant: int, work_of_
     Each ``model.rhs`` has its own scratch memory. Threads of Python may share one, since a call holds the
     GIL; threads that call the compiled function without the GIL need one each.
 
-    It is a function of the state alone, which has no revolutions: angles of torsion springs, and in other
-    loads, are those within half a revolution of the free angle, so that the torque jumps beyond. ``record``
-    adds a note where they pass there.
-
-    With ``work_of_loads`` the last unknown is the work of loads without potential [J], if there are any.
+    With ``work_of_loads`` the work of loads without potential [J] is behind u, if there are any.
 
     Raises
     ------
@@ -55,8 +55,21 @@ def right_hand_side(begin: State, evaluator: Evaluator, redundant: int, work_of_
     """
     equations = evaluator.equations(redundant, slack(evaluator, begin.q), work_of_loads=work_of_loads)
     d = evaluator.description
-    start = np.concatenate([begin.q, begin.u, np.zeros(equations.extra)])
-    return Rhs(equations, start, d.inputs, len(d.tunable) - len(d.inputs))
+
+    def at(state: State) -> Array:
+        return np.concatenate(
+            [state.q, state.u, np.zeros(equations.extra), angles_in_loads(evaluator, state)]
+        )
+
+    return Rhs(equations, begin, at, d.inputs, len(d.tunable) - len(d.inputs), evaluator.library.addresses)
+
+
+def angles_in_loads(evaluator: Evaluator, state: State) -> Array:
+    """Return the angles of torsion springs and in other loads [rad], with the revolutions of a state."""
+    if not evaluator.description.windings:
+        return np.zeros(0)
+    of = evaluator if state.references is None else evaluator.holding(state.references)
+    return of.blocks("events", state.t, state.q, state.u)["windings"].ravel()
 
 
 def low_level(function: int, equations: int, owner: Rhs) -> Any:
@@ -94,12 +107,15 @@ def recorded(
 ) -> Result:
     """Return the result of states (times, numbers) from an external solver.
 
-    The states may end with the work of loads. ``inputs`` are those of the scene at each time, by default
-    those of the model; ``options`` is the provenance.
+    The states are those of :func:`right_hand_side`. ``inputs`` are those of the scene at each time, by
+    default those of the model; ``options`` is the provenance.
     """
     d = evaluator.description
-    values = np.empty((len(times), 0)) if inputs is None else inputs
-    groups = grouped(evaluator.parameter_values, len(d.tunable) - len(d.inputs), values)
+    first = len(d.tunable) - len(d.inputs)
+    if inputs is None:
+        inputs = np.tile(evaluator.parameter_values[first : len(d.tunable)], (len(times), 1))
+    states, angles = np.split(states, [states.shape[1] - d.windings], axis=1)
+    groups = [*grouped(evaluator.parameter_values, first, np.hstack([inputs, references_of(angles)]))]
     equations = evaluator.equations(redundant)
     variables = outputs_by_group(evaluator, equations, groups, times, states, redundant)
     end = float(times[-1])
@@ -108,26 +124,10 @@ def recorded(
         axes=d.shown_axes,
         coordinate=over_time(times),
         variables=tuple(_unwound(v, d.turns) for v in variables),
-        drift=_drift(evaluator, times, states),
+        drift=_drift(evaluator, groups, times, states),
         final=motion(evaluator, end, states[-1]),
         statistics={"t": end},
-        notes=("drift is that of the recorded times", *_note_on_turns(evaluator, times, states)),
-    )
-
-
-def _note_on_turns(evaluator: Evaluator, times: Array, states: Array) -> tuple[str, ...]:
-    """Return a note where an angle in a load passes half a revolution: it jumps there."""
-    d = evaluator.description
-    if not d.windings:
-        return ()
-    q, u, _ = np.split(states, [d.coordinates, 2 * d.coordinates], axis=1)
-    angles = evaluator.many_blocks("events", times, q, u)["windings"].reshape(len(times), -1)
-    passed = np.flatnonzero((np.abs(np.diff(angles, axis=0)) > np.pi).any(axis=1))
-    if not len(passed):
-        return ()
-    return (
-        f"an angle of a load or torsion spring passes half a revolution at t = {times[passed[0] + 1]:.9g} s: "
-        "model.rhs has no revolutions, so this motion is wrong from there; model.simulate counts them",
+        notes=("drift is that of the recorded times",),
     )
 
 
@@ -137,12 +137,17 @@ def _unwound(variable: Variable, links: tuple[str, ...]) -> Variable:
     return replace(variable, values=np.unwrap(variable.values)) if turns else variable
 
 
-def _drift(evaluator: Evaluator, times: Array, states: Array) -> Drift:
+def _drift(
+    evaluator: Evaluator, groups: Iterable[tuple[Array, Indices]], times: Array, states: Array
+) -> Drift:
     """Return the drift of the recorded states from the constraints and the energy balance."""
     n = evaluator.description.coordinates
     accounted = states.shape[1] > 2 * n or not evaluator.description.work_of_loads
     q, u, work = np.split(states, [n, 2 * n], axis=1)
-    kinetic, potential = evaluator.many("energy", times, q, u)[:, :2].T
+    kinetic, potential = np.empty((2, len(times)))
+    for parameters, rows in groups:
+        energies = evaluator.at(parameters).many("energy", times[rows], q[rows], u[rows])
+        kinetic[rows], potential[rows] = energies[:, :2].T
     total = kinetic + potential - np.sum(work, axis=1)
     errors, rates = np.zeros(1), np.zeros(1)
     if evaluator.has("constraints"):

@@ -327,6 +327,11 @@ def nearest_turn(angles: Array, to: Array) -> Array:
     return angles + np.round((to - angles) / revolution) * revolution
 
 
+def references_of(angles: Array) -> Array:
+    """Return references of angles in loads [rad], multiples of a quarter: samples share few of them."""
+    return np.asarray(np.round(angles / (np.pi / 2)) * (np.pi / 2))
+
+
 def shaped(info: KernelInfo, out: Array) -> tuple[Variable, ...]:
     """Return rows of a kernel's results as named variables; single numbers lose the axis of components."""
     return tuple(

@@ -59,8 +59,10 @@ def state_at(evaluator: Evaluator, t: float, q: Array, u: Array, references: Arr
     return State(t, q.copy(), u.copy(), positions, velocities, references)
 
 
-def parts_of(y: State | ArrayLike, t: ArrayLike, n: int) -> tuple[Array, Array, Array]:
+def parts_of(y: State | ArrayLike, t: ArrayLike, n: int, more: int = 0) -> tuple[Array, Array, Array]:
     """Return coordinates and rates of a state (n,), or of rows of states (rows, n), and a time per row [s].
+
+    Behind them there may be ``more`` numbers, angles in loads.
 
     Raises
     ------
@@ -69,13 +71,13 @@ def parts_of(y: State | ArrayLike, t: ArrayLike, n: int) -> tuple[Array, Array, 
     """
     given, at = (np.concatenate([y.q, y.u]), y.t) if isinstance(y, State) else (y, t)
     rows, times = as_doubles(given), reals(at, "the time of a state")
-    if rows is None or rows.ndim not in (1, 2) or rows.shape[-1] != 2 * n:
+    if rows is None or rows.ndim not in (1, 2) or rows.shape[-1] not in (2 * n, 2 * n + more):
         got = shown(given) if rows is None else f"shape {rows.shape}"
         raise ModelError(f"expected a state y = (q, u) of {2 * n} numbers, or rows of them, got {got}")
     count = 1 if rows.ndim == 1 else len(rows)
     if len(times) not in (1, count):
         raise ModelError(f"expected one time [s], or one per state, got {shown(t)}")
-    return rows[..., :n], rows[..., n:], np.ascontiguousarray(np.broadcast_to(times, (count,)))
+    return rows[..., :n], rows[..., n : 2 * n], np.ascontiguousarray(np.broadcast_to(times, (count,)))
 
 
 def in_order(names: Sequence[str], y: State | ArrayLike, t: ArrayLike) -> dict[str, Any]:

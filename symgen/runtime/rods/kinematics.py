@@ -14,7 +14,7 @@ from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.model.instants import Instants
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.motion import Motion, Range
-from symgen.runtime.result.recording import nearest_turn
+from symgen.runtime.result.recording import nearest_turn, references_of
 from symgen.runtime.result.records import converters
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.assemblies import assemblies
@@ -24,7 +24,7 @@ from symgen.runtime.rods.following.continuation import LONGEST, Curve, CurvePoin
 from symgen.runtime.rods.following.jumps import check_drives
 from symgen.runtime.rods.following.singular import TURNING, monotone, singular_poses
 from symgen.runtime.rods.meshing import slips
-from symgen.runtime.rods.poses import Poses, angles_in_loads, counted, references_of
+from symgen.runtime.rods.poses import Poses, angles_in_loads, counted
 from symgen.runtime.rods.recorded_motion import CurvePositions, chosen_names, recorded
 
 #: Largest number of steps along the curve of poses.

@@ -10,10 +10,10 @@ from symgen.errors import ModelError
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.result.equilibrium import Linearised
-from symgen.runtime.result.recording import nearest_turn
+from symgen.runtime.result.recording import nearest_turn, references_of
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.meshing import slips
-from symgen.runtime.rods.poses import Poses, angles_in_loads, references_of
+from symgen.runtime.rods.poses import Poses, angles_in_loads
 
 _EPS = float(np.finfo(float).eps)
 #: Rank tolerance of the constraints, above the error with which poses meet them.

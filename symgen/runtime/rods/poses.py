@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -11,9 +10,6 @@ import numpy as np
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.result.recording import nearest_turn, wound
-
-#: References of angles in loads are multiples of it [rad], so that samples share few of them.
-_QUARTER = math.pi / 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,11 +92,6 @@ def angles_in_loads(evaluator: Evaluator, poses: Poses) -> Array:
         return np.zeros((0, len(poses)))
     blocks = evaluator.many_blocks("events", poses.times, poses.q, poses.u)
     return np.asarray(blocks["windings"].reshape(len(poses), -1).T)
-
-
-def references_of(angles: Array) -> Array:
-    """Return references of angles in loads over revolutions [rad]."""
-    return np.asarray(np.round(angles / _QUARTER) * _QUARTER)
 
 
 def continuous(angles: Array, start: int) -> Array:

@@ -119,9 +119,7 @@ def reference(
             raise ModelError(f"expected {argument} above zero, got {value!r}")
     f = right_hand_side(model.initial_state(), model.evaluator, len(model.redundant), work_of_loads=True)
     times = np.linspace(begin.t, end, samples)
-    start = np.zeros(len(f.start))
-    start[: 2 * len(begin.q)] = np.concatenate([begin.q, begin.u])
-    start = f.project(begin.t, start)
+    start = f.project(begin.t, f.at(begin))
     calls = [0]
 
     def counted(t: float, y: Array) -> Array:

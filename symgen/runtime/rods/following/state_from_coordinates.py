@@ -12,8 +12,9 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.redundancy import extent
 from symgen.runtime.linearisation.tangents import LinkageTangents
 from symgen.runtime.newton import corrected
+from symgen.runtime.result.recording import references_of
 from symgen.runtime.result.state import State
-from symgen.runtime.rods.poses import Poses, counted, references_of
+from symgen.runtime.rods.poses import Poses, counted
 
 #: Largest change of a coordinate or drive in a step [rad], of lengths relative to the linkage's size.
 _STEP = 0.2

@@ -163,7 +163,7 @@ class LinkageModel(Model):
         )
 
     def _coordinates(self, y: State | ArrayLike, t: ArrayLike = 0.0) -> dict[str, Any]:
-        q, u, times = parts_of(y, t, self.description.coordinates)
+        q, u, times = parts_of(y, t, self.description.coordinates, self.description.windings)
         rows = self.evaluator.many_blocks("points", times, np.atleast_2d(q), np.atleast_2d(u))
         d = self.description
         return by_name(

@@ -128,7 +128,7 @@ class RodModel(LinkageModel):
 
     @property
     def rhs(self) -> Rhs:
-        """Right-hand side f(t, y, u), without revolutions of torsion springs: see ``docs/solvers.md``."""
+        """Right-hand side f(t, y, u) for other solvers: see ``docs/solvers.md``."""
         from symgen.runtime.model.rhs import right_hand_side
 
         return right_hand_side(self.initial_state(), self.evaluator, len(self.redundant))
@@ -137,7 +137,7 @@ class RodModel(LinkageModel):
         from symgen.runtime.model.rhs import recorded, rows
 
         t = rows("times", times, ())
-        y = rows("states", states, (len(t), 2 * self.description.coordinates))
+        y = rows("states", states, (len(t), 2 * self.description.coordinates + self.description.windings))
         u = None if inputs is None else rows("inputs", inputs, (len(t), len(self.description.inputs)))
         if not np.all(np.diff(t) > 0):
             raise ModelError(f"{self.name}: expected increasing times for record")
