@@ -459,3 +459,92 @@ def test_motions_that_are_none_are_named(changes, where, problem):
     with pytest.raises(SceneError, match=problem) as error:
         symgen.build(symgen.Scene(**slider_crank(**changes)))
     assert where.rpartition(".")[0] in str(error.value)
+
+
+def test_redundant_constraints_leave_the_effort_determined():
+    """A bar on three parallel cranks moves without rotation: one equation of the angle of the cranks."""
+    scene = {
+        "symgen": 1,
+        "parameters": {"w": "2 rad/s", "first": "0.56 m", "stroke": "0.02 m"},
+        "points": {
+            **{name: ground(x, 0) for name, x in (("O", 0), ("M", 0.5), ("Q", 1))},
+            **{name: at(x + 0.06, 0.08) for name, x in (("A", 0), ("C", 0.5), ("B", 1))},
+        },
+        "links": {
+            **{k: {"points": ends, "mass": "1 kg"} for k, ends in (("a", "OA"), ("b", "QB"), ("c", "MC"))},
+            "bar": {"points": ["A", "B", "C"], "mass": "3 kg", "centre": ["0.56 m", "0.08 m"], "inertia": "0.25 kg*m^2"},
+        },
+        "gravity": GRAVITY,
+        "motions": [{"of": "C.x", "value": "first + stroke*sin(w*t)"}],
+        "torques": [{"link": "a", "torque": "?"}],
+        "analysis": {"t_end": "2 s", "outputs": ["torques.0.torque"]},
+    }  # fmt: skip
+    for ends in scene["links"].values():
+        ends["points"] = [*ends["points"]]
+    model = symgen.build(symgen.Scene(**scene))
+    assert model.description.redundant
+    run = model.simulate(samples=9, rtol=1e-11)
+    x = [0.06 + 0.02 * np.sin(2 * run.time), 0.04 * np.cos(2 * run.time), -0.08 * np.sin(2 * run.time)]
+    y = np.sqrt(0.01 - x[0] ** 2)
+    rate = -x[1] / y
+    acceleration = -(x[2] + x[0] * rate**2) / y
+    torque = (3 + 1) * 0.01 * acceleration + (3 + 3 / 2) * 9.81 * x[0]
+    for result in (run, model.inverse_dynamics(samples=9)):
+        assert np.asarray(result["torques.0.torque"]) == pytest.approx(torque, abs=1e-9)
+
+
+def test_motions_in_kinematics_and_in_many_runs():
+    scene = slider_crank(torques=[])
+    scene["analysis"] = {"kind": "kinematics", "t_end": "3 s", "outputs": ["crank.angle"]}
+    moved = symgen.build(symgen.Scene(**scene)).kinematics(samples=7)
+    model = symgen.build(symgen.Scene(**slider_crank()))
+    forces = model.inverse_dynamics(samples=7)
+    assert np.asarray(moved["crank.angle"]) == pytest.approx(np.asarray(forces["crank.angle"]), abs=1e-13)
+    speeds = [1.0, 2.0, 3.0]
+    for many in (model.inverse_dynamics_many, model.simulate_many):
+        found = many({"w": speeds}, samples=7)["torques.0.torque"].values
+        assert found[1] == pytest.approx(np.asarray(forces["torques.0.torque"]), abs=1e-8)
+        assert np.max(np.abs(found[2] - found[0])) > 0.1
+
+
+@pytest.mark.parametrize("motion", [{}, {"motion": "space"}], ids=["in its plane", "in space"])
+def test_a_plane_in_space_has_the_efforts_of_the_plane(motion):
+    """The end of a boom is moved along x by a cylinder: a lever in closed form."""
+    scene = {
+        "symgen": 1,
+        "parameters": {"w": "1.5 rad/s", "x": "0.75 m", "a": "0.05 m"},
+        "points": {"O": ground(0, 0, 0), "A": at(0.8, 0.6, 0), "D": ground(0.3, -0.2, 0)},
+        "links": {"boom": {"points": ["O", "A"], "mass": "40 kg"}},
+        "gravity": {"acceleration": ["0 m/s^2", "-9.81 m/s^2", "0 m/s^2"]},
+        "motions": [{"of": "A.x", "value": "x + a*sin(w*t)"}],
+        "actuators": [{"between": ["D", "A"], "force": "?"}],
+        "analysis": {"t_end": "3 s", "outputs": ["actuators.0.force"]} | motion,
+    }
+    if motion:
+        scene["joints"] = [{"point": "O", "links": ["boom"], "kind": "revolute", "axis": [0, 0, 1]}]
+    run = symgen.build(symgen.Scene(**scene)).simulate(samples=9, rtol=1e-11)
+    t = np.asarray(run.time)
+    x = [0.75 + 0.05 * np.sin(1.5 * t), 0.075 * np.cos(1.5 * t), -0.1125 * np.sin(1.5 * t)]
+    y = np.sqrt(1 - x[0] ** 2)
+    rate = -x[1] / y
+    acceleration = -(x[2] + x[0] * rate**2) / y
+    lever = (x[0] * (y + 0.2) - y * (x[0] - 0.3)) / np.hypot(x[0] - 0.3, y + 0.2)
+    force = (40 / 3 * acceleration + 40 * 9.81 / 2 * x[0]) / lever
+    assert np.asarray(run["actuators.0.force"]) == pytest.approx(force, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        (
+            {"torques": [{"link": "rod0", "torque": "?"}]},
+            "about a revolute joint with the ground, not on rod0",
+        ),
+        ({"torques": [{"link": "arm1", "against": "arm0", "torque": "?"}]}, "not on arm1 against arm0"),
+    ],
+)
+def test_unknown_torques_in_space_without_axis_are_refused(changes, problem):
+    tables = symgen.load_scene("pick_and_place").model_dump(exclude_none=True)
+    tables["torques"] = changes["torques"] + tables["torques"][1:]
+    with pytest.raises(SceneError, match=problem):
+        symgen.build(symgen.Scene(**tables))

@@ -162,10 +162,7 @@ def render(page: Page) -> str:
 def example_in_c(unit: UnitView, kernel: str) -> str:
     """Return lines of a C program that call a kernel: header, arrays of the right size, the call."""
     view = next(k for k in unit.kernels if k.name == kernel)
-    sizes = dict(zip(("t", "q", "u", "p"), view.sizes, strict=True)) | {
-        "work": view.work_size,
-        "out": view.out_size,
-    }
+    sizes = dict(zip(("t", "q", "u", "p", "work", "out"), view.sizes, strict=True))
     declarations = {name: f"double {name}[{size}]" for name, size in sizes.items() if size}
     passed = ", ".join(name if size else "NULL" for name, size in sizes.items())
     lines = [f'#include "{unit.name}_kernel.h"', ""]
