@@ -452,6 +452,7 @@ def test_what_motions_cannot_have_is_refused(tmp_path):
         ),
         ({"motions": [{"of": "B.x", "value": "w*t"}]}, "motions.0.value", "expected a length"),
         ({"motions": [{"of": "Z.x", "value": 0}]}, "motions.0.of", "Z.x"),
+        ({"motions": [{"of": "R.x", "value": "middle"}]}, "motions.0.of", "R.x does not move"),
         ({"motions": [{"of": "B.x", "value": "middle + stroke*abs(w*t - 1)"}]}, "motions.0.value", "jump"),
     ],
 )
@@ -548,3 +549,32 @@ def test_unknown_torques_in_space_without_axis_are_refused(changes, problem):
     tables["torques"] = changes["torques"] + tables["torques"][1:]
     with pytest.raises(SceneError, match=problem):
         symgen.build(symgen.Scene(**tables))
+
+
+def test_drives_that_move_nothing_of_what_is_prescribed_are_named():
+    """Two torques on one link, and a trolley over a load that hangs still: both are judged where they act."""
+    twice = arm(torques=[{"link": "upper", "torque": "?"}, {"link": "upper", "torque": "?"}])
+    model = symgen.build(symgen.Scene(**twice))
+    assert np.isfinite(np.asarray(model.kinematics(samples=3)["B.position"])).all()
+    for verb in (model.simulate, model.inverse_dynamics):
+        with pytest.raises(
+            SimulationError, match=r"torques.0, torques.1 cannot move B.position.y, B.position.x"
+        ):
+            verb(samples=3)
+    crane = pushed_pole(
+        motions=[{"of": "P.x", "value": "reach*sin(w*t)"}],
+        masses=[{"point": "C", "mass": "2 kg"}, {"point": "P", "mass": "1 kg"}],
+        start={},
+    )
+    crane["points"]["P"] = at(0, -1)
+    crane["links"]["pole"]["mass"] = "0 kg"
+    crane["parameters"] |= {"reach": "0.1 m"}
+    with pytest.raises(SimulationError, match=r"actuators.0 cannot move P.x there"):
+        symgen.build(symgen.Scene(**crane)).simulate(samples=3)
+
+
+def test_a_dead_centre_of_the_motion_itself_is_that_of_the_kinematics():
+    scene = slider_crank()
+    scene["parameters"]["stroke"] = "9 cm"
+    found = symgen.build(symgen.Scene(**scene)).inverse_dynamics(samples=9)
+    assert "dead centre at t = 0.4455" in found.notes[0] and "have rank" not in found.notes[0]

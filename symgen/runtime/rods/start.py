@@ -76,7 +76,7 @@ def start(evaluator: Evaluator) -> Start:
     held = d.elastic is not None and len(d.axes) == 3 and not moves
     redundant = Redundancy((), d.rank_tolerance) if held else redundant_constraints(evaluator, q)
     u = _velocities(evaluator, starter, redundant.rows) if moves else np.zeros(len(q))
-    line = cause(evaluator, 0.0, q, u)
+    line = "" if evaluator.efforts else cause(evaluator, 0.0, q, u)  # kinematics needs no efforts
     if line:
         raise InitialStateError(f"{line}\n  Draw its points apart.", where="springs")
     return Start(q, u, *redundant)

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 import sympy as sp
 
+from symgen.errors import SceneError
 from symgen.models.rods.drives.drive import Drive
 from symgen.models.rods.loads import Loads
 from symgen.models.rods.points import Points
@@ -30,6 +31,18 @@ def gap(loads: Loads, motion: PrescribedMotion) -> tuple[sp.Expr, sp.Expr]:
 
 
 def motion_error(loads: Loads, motion: PrescribedMotion) -> sp.Expr:
-    """Return the constraint of a motion [m]: of angles its sine, which revolutions do not change."""
+    """Return the constraint of a motion [m]: of angles its sine, which revolutions do not change.
+
+    Raises
+    ------
+    SceneError
+        For a quantity of fixed points and links alone.
+    """
     off, size = gap(loads, motion)
+    if not loads.model.varies(off):
+        raise SceneError(
+            f"{motion.text} does not move: its points and links are fixed",
+            where=f"motions.{motion.name.rpartition('_')[2]}.of",
+            hint="Write a quantity that the drives move.",
+        )
     return size * sp.sin(off) if motion.links else off

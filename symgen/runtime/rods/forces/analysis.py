@@ -210,6 +210,8 @@ def sampled(
 def _at_pose(linkage: _Linkage, pose: SingularPose) -> str:
     """Return the message for a singular pose: its kind, and the forces that it leaves undetermined."""
     d = linkage.constraints.description
+    if linkage.constraints.evaluator.efforts:
+        return pose.describe(converters(d.units))
     q = np.concatenate([np.array(pose.positions[p]) for p in d.free])
     state = np.stack([q, np.zeros_like(q), np.zeros_like(q)])
     one = Poses(np.array([pose.t]), state[None])
