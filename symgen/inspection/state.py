@@ -99,7 +99,7 @@ def _reached(model: RodModel, t: float) -> ArgumentValues:
     work = [x for p in model.description.free for x in accelerations.points[p].tolist()]
     evaluator = model.counting(state).evaluator
     unknowns = evaluator("accelerations", state.t, state.q, state.u)
-    couples = unknowns[len(unknowns) - evaluator.couples :]
+    couples = unknowns[len(unknowns) - len(evaluator.couples) :]
     arrays = {
         "t": [state.t],
         "q": state.q.tolist(),

@@ -73,8 +73,8 @@ OF_LOOPS: dict[str, Callable[[Loop], System]] = {
 }
 
 
-#: Analyses with slopes of loads.
-_BY_SLOPES = ("tangent", "linearisation", "sensitivity", "variation", "vibration")
+#: Analyses with slopes of loads that have none of couples by the forces in joints.
+_BY_SLOPES = ("tangent", "variation", "vibration")
 
 
 def elastic_systems(linkage: Linkage) -> dict[str, System]:
@@ -99,8 +99,9 @@ def analysis_system(mechanism: Any, kind: str) -> System:
     check_known(kind, known, "there is no analysis")
     if kind in _BY_SLOPES and any(load.of_joint for load in mechanism.loads):
         raise ModelError(
-            f"{mechanism.name}: friction of bearings follows from the forces in them, and its slopes are not "
-            "derived: implicit methods and derivatives do not have it"
+            f"{mechanism.name}: friction of bearings follows from the forces in them, and implicit methods, "
+            "derivatives along runs and those of frequencies do not have its slopes\n"
+            "  Linear models and derivatives at a state do: give {at}."
         )
     try:
         return known[kind](mechanism)

@@ -12,14 +12,16 @@ by the virtual work of their drives, stand in its place,
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import sympy as sp
 
 from symgen.errors import SceneError
-from symgen.loads.measure import RATE
+from symgen.loads.measure import RATE, Vector
 from symgen.models.rods.matrix import named
 from symgen.symbolic.calculus import ZERO, partial
+from symgen.symbolic.vectors import dot
 
 if TYPE_CHECKING:
     from symgen.loads.load import JointLaw
@@ -30,39 +32,62 @@ if TYPE_CHECKING:
 EFFORTS = "effort_forces"
 
 
-def joint_couples(model: RodsModel) -> list[NamedMatrix]:
-    """Return the matrices of couples by the forces in joints; none without such loads.
+@dataclass(frozen=True, slots=True)
+class CoupleByForce:
+    """A couple by the force in a joint: ``factor`` [m] times the size of ``force`` [N]."""
 
-    They are the factors, the applied forces by couples, the forces, and the slopes of these.
+    owner: str
+    couple: sp.Symbol
+    factor: sp.Expr
+    force: Vector
+
+    @property
+    def size(self) -> sp.Expr:
+        """The size of the force [N]."""
+        return sp.sqrt(dot(self.force, self.force))
+
+
+def couples_by_forces(model: RodsModel) -> list[CoupleByForce]:
+    """Return the couples by the forces in joints.
 
     Raises
     ------
     SceneError
         Where the force in a joint does not follow from its two links, and for elastic links.
     """
-    laws = {(f"{table}.{i}", x): x.of_joint for table, i, x in model.linkage.placed_loads if x.of_joint}
-    if not laws:
+    laws = [(f"{table}.{i}", x, x.of_joint) for table, i, x in model.linkage.placed_loads]
+    couples = []
+    for where, load, law in laws:
+        if law:
+            _check(model, law, where)
+            factor = law.factor.xreplace({RATE: model.loads.turning(law.link, law.against)[1]})
+            force = model.joint_forces.on(law.link, law.point)
+            couples.append(CoupleByForce(load.name, model.loads.of_joints[load.name].symbol, factor, force))
+    return couples
+
+
+def joint_couples(model: RodsModel) -> list[NamedMatrix]:
+    """Return the matrices of couples by the forces in joints; none without such loads.
+
+    They are the factors, the applied forces by couples, the forces, and the slopes of these.
+    """
+    couples = couples_by_forces(model)
+    if not couples:
         return []
-    for (where, _), law in laws.items():
-        _check(model, law, where)
-    owners = [load.name for _, load in laws]
-    unknowns = [model.loads.of_joints[owner].symbol for owner in owners]
-    factors = [
-        law.factor.xreplace({RATE: model.loads.turning(law.link, law.against)[1]}) for law in laws.values()
-    ]
-    forces = [model.joint_forces.on(law.link, law.point) for law in laws.values()]
+    owners, unknowns = [x.owner for x in couples], [x.couple for x in couples]
     accelerations = [a for p in model.free for a in model.a[p]]
     work = [x.symbol for x in (*accelerations, *model.multipliers.values())] + unknowns
-    slopes = [partial(c, x) for force in forces for c in force for x in work]
-    q = [x.name for x in model.coordinates]
+    components = [c for x in couples for c in x.force]
+    slopes = [partial(c, x) for c in components for x in work]
+    factors, q = [x.factor for x in couples], [x.name for x in model.coordinates]
     about = "applied forces by couples of 1 N m"
     directions = [partial(f, x) for f in model.applied for x in unknowns]
     return [
         named(model, "couple_factors", factors, "m", "couples over sizes of forces in joints", rows=owners),
         named(model, "couple_directions", directions, "1/m", about, rows=q, columns=owners),
         named(
-            model, "forces_of_couples", [c for force in forces for c in force], "N",
-            "forces in joints by which couples are", rows=owners, columns=model.axes,
+            model, "forces_of_couples", components, "N", "forces in joints by which couples are",
+            rows=owners, columns=model.axes,
         ),
         named(
             model, "slopes_of_forces", slopes, "SI", "slopes of these by accelerations, multipliers, couples",

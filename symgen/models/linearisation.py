@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from symgen.errors import ModelError, SceneError
+from symgen.models.couples import couples_by_forces
 from symgen.models.general.equations import equations_of
 from symgen.models.rods import outputs
 from symgen.models.rods.linearised import analysis_of, constraint_slopes, linearised, slopes_by
@@ -181,9 +182,11 @@ def _equations(model: RodsModel) -> tuple[list[Rows], list[sp.Symbol]]:
     bound = [model.multipliers[c.name] for c in model.constraints]
     work = [*(x for p in model.free for x in model.a[p]), *bound]
     names = [x.name for x in bound]
-    rates = model.constraint_rates
+    rates, couples = model.constraint_rates, couples_by_forces(model)
+    work += [model.loads.of_joints[x.owner] for x in couples]
+    equations = [*residual(model), *(x.factor * x.size - x.couple for x in couples)]
     return [
-        ("residual", [x.name for x in work], residual(model), "slopes of the equations of motion"),
+        ("residual", [x.name for x in work], equations, "slopes of the equations of motion"),
         ("rates", names, rates, "slopes of dPhi/dt"),
         ("constraints", names, [c.expression for c in model.constraints], "slopes of Phi"),
     ], [x.symbol for x in work]

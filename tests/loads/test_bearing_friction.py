@@ -28,6 +28,12 @@ def pendulum(**changes):
     )
 
 
+def tuned():
+    """The pendulum with a coefficient that can be changed."""
+    data = pendulum(coefficient="mu").model_dump(exclude_unset=True)
+    return symgen.build(symgen.Scene(**data | {"parameters": {"mu": {"value": 0.2, "tunable": True}}}))
+
+
 def couple_of_pendulum(angle, rate, arm=0.2 * 0.02):
     """The couple of the rod's bearing: the root of a quadratic, since it changes the force linearly.
 
@@ -216,18 +222,7 @@ def test_couples_that_change_the_forces_much(built):
 
 
 def test_many_runs_a_stepper_and_explicit_methods_are_the_same_run():
-    scene = pendulum()
-    model = symgen.build(
-        symgen.Scene(
-            **(
-                scene.model_dump(exclude_unset=True)
-                | {
-                    "parameters": {"mu": {"value": 0.2, "tunable": True}},
-                    "bearings": [{**BEARING, "coefficient": "mu"}],
-                }
-            )
-        )
-    )
+    scene, model = pendulum(), tuned()
     alone = {mu: model.with_parameters(mu=mu).simulate(t_end=0.4, step=1e-3, samples=3) for mu in (0.1, 0.3)}
     both = model.simulate_many({"mu": [0.1, 0.3]}, t_end=0.4, step=1e-3, samples=3)
     for i, run in enumerate(alone.values()):
@@ -324,11 +319,10 @@ def test_methods_without_it_are_refused(method):
 
 
 def test_analyses_without_it_are_refused(tmp_path):
-    model = symgen.build(pendulum())
-    for name in ("linearise", "modes", "sensitivity"):
-        assert name not in model.capabilities
-        with pytest.raises(CapabilityError, match="friction of its bearings follows from the forces"):
-            getattr(model, name)
+    with pytest.raises(ModelError, match="derivatives along runs and those of frequencies do not have its"):
+        tuned().sensitivity(["rod.angle"], ["mu"], t_end=0.1)
+    with pytest.raises(ModelError, match="derivatives along runs and those of frequencies do not have its"):
+        tuned().sensitivity(["frequencies"], ["mu"], at=tuned().equilibrium())
     with pytest.raises(CapabilityError, match="has no export in C: its bearings have friction"):
         export_c(pendulum(), tmp_path / "c")
     with pytest.raises(DerivationError, match="momentum rows"):
@@ -338,6 +332,81 @@ def test_analyses_without_it_are_refused(tmp_path):
 def test_at_rest_there_is_no_friction():
     found = symgen.build(pendulum()).equilibrium()
     assert found.state.positions["A"] == pytest.approx([0.0, -0.3], abs=1e-12)
+
+
+def test_small_vibrations_are_damped_by_the_weight_on_the_bearing():
+    """At rest friction is a damper of the couple over the transition rate: I s^2 + c s + m g l/2 = 0."""
+    model = symgen.build(pendulum())
+    found = model.modes()
+    roots = np.roots([2 * 0.3**2 / 3, 0.2 * 0.02 * 2 * G / 0.5, 2 * G * 0.15])
+    assert found[0].s == pytest.approx(max(roots, key=lambda s: s.imag), rel=1e-12)
+    linear = model.linearise(model.equilibrium(), coordinates=["rod.angle"], outputs=["bearings.0.torque"])
+    assert np.linalg.eigvals(linear.A) == pytest.approx(np.linalg.eigvals(np.diag(roots)), rel=1e-12)
+    assert linear.C.ravel() == pytest.approx([0.0, -0.2 * 0.02 * 2 * G / 0.5], rel=1e-12)
+    data = pendulum().model_dump(exclude_unset=True)
+    data |= {"inputs": {"M": "0 N*m"}, "torques": [{"link": "rod", "torque": "M"}]}
+    pushed = symgen.build(symgen.Scene(**data))
+    linear = pushed.linearise(pushed.equilibrium(), coordinates=["rod.angle"], inputs=["M"])
+    assert linear.B.ravel() == pytest.approx([0.0, 1 / 0.06], rel=1e-12)
+    assert not linear.notes
+
+
+def slopes(function, at):
+    """Central differences of the fourth order of a function of two numbers, a column each."""
+    steps = (1e-3 * np.eye(2)[k] for k in range(2))
+    return np.column_stack(
+        [
+            (
+                8 * (function(*(at + h)) - function(*(at - h)))
+                - function(*(at + 2 * h))
+                + function(*(at - 2 * h))
+            )
+            / (12 * np.max(h))
+            for h in steps
+        ]
+    )
+
+
+def test_linear_models_at_moving_states():
+    """Slopes of the acceleration and of couples, which change the forces much, against Newton's equations."""
+    model = symgen.build(four_bar(coefficient=0.5, radius="50 mm"))
+    state = model.reached(0.35)
+    (x, y), (v, w) = state.q[:2], state.u[:2]
+    at = np.array([np.arctan2(y, x), (x * w - y * v) / 0.01])
+    names = [f"bearings.{i}.torque" for i in range(4)]
+    linear = model.linearise(state, coordinates=["crank.angle"], outputs=names)
+
+    def values(angle, rate):
+        of = Newton(angle, rate)
+        couples = of.couples(0.025)
+        return np.append(of.solved(couples)[0], couples)
+
+    of_newton = slopes(values, at)
+    assert linear.A[1] == pytest.approx(of_newton[0], rel=1e-7)
+    np.testing.assert_allclose(linear.C, of_newton[1:], rtol=1e-6, atol=1e-7)
+
+
+def test_derivatives_by_the_coefficient():
+    """At a moving state by differences of the closed form; at rest nothing but the damping depends on it."""
+    model, at = tuned(), (0.4, -2.5)
+    along = np.array([np.cos(at[0]), np.sin(at[0])])
+    state = model.state({"A": 0.3 * along}, {"A": 0.3 * at[1] * np.array([-along[1], along[0]])})
+    found = model.sensitivity(
+        ["bearings.0.torque", "rod.angular_acceleration"], ["mu"], at=state, coordinates=["rod.angle"]
+    )
+    h, inertia = 1e-4, 0.06
+    couple = [couple_of_pendulum(*at, (0.2 + k * h) * 0.02)[0] for k in (-2, -1, 1, 2)]
+    slope = (8 * (couple[2] - couple[1]) - (couple[3] - couple[0])) / (12 * h)
+    assert found.derivatives.ravel() == pytest.approx([slope, slope / inertia], rel=1e-8)
+    still = model.sensitivity(["rod.O.force", "bearings.0.torque"], ["mu"], at=model.equilibrium())
+    assert np.max(np.abs(still.derivatives)) == 0
+
+
+def test_a_bearing_without_force_has_no_derivatives():
+    data = pendulum().model_dump(exclude_unset=True) | {"gravity": {"acceleration": ["0 m/s^2", "0 m/s^2"]}}
+    model = symgen.build(symgen.Scene(**data))
+    with pytest.raises(ModelError, match="the force in one of the bearings with friction vanishes"):
+        model.linearise(model.initial_state(), coordinates=["rod.angle"])
 
 
 @pytest.mark.parametrize(

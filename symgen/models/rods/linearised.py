@@ -7,6 +7,7 @@ oscillations need the equations linearised about a state at rest,
     K = -d(f - J^T lambda)/dq   and   C = -d f/du,
 
 where lambda is held constant: K contains the geometric stiffness of the constraint forces and that of loads.
+Couples by the forces in joints vanish at rest, where C has them by these forces.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import sympy as sp
 
 from symgen.mechanics.sources import NONE, Sources
+from symgen.models.couples import couples_by_forces
 from symgen.models.general.equations import equations_of
 from symgen.models.rods.constraints import Constraint
 from symgen.models.rods.drives.motion import gap
@@ -133,6 +135,8 @@ def linearised(
     """
     q = [x.symbol for x in model.coordinates]
     rates = [x.symbol for p in model.free for x in model.u[p]]
+    couples = couples_by_forces(model)
+    at_rest = dict.fromkeys([*model.acceleration_of.values(), *(x.couple for x in couples)], ZERO)
     by_rates, by_coordinates = slopes_by(model, rates), model.calculus.gradient
     coordinate_of = dict(zip(rates, q, strict=True))
     of_bound = [
@@ -145,8 +149,15 @@ def linearised(
         s: chained((f, by_coordinates(e)) for f, e in [(-ONE, model.force.get(s, ZERO)), *pulls[s]])
         for s in q
     }
+    of_couples = [(x.couple, x.size.xreplace(at_rest), by_rates(x.factor)) for x in couples]
     damping = {
-        s: {coordinate_of[u]: -slope for u, slope in by_rates(f).items()}
+        s: chained(
+            (-ONE, {coordinate_of[u]: slope for u, slope in slopes.items()})
+            for slopes in (
+                by_rates(f),
+                *(chained([(partial(f, c) * size, by)]) for c, size, by in of_couples),
+            )
+        )
         for s, f in zip(q, model.applied, strict=True)
     }
     for name, rows, unit, about in (

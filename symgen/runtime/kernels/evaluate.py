@@ -155,10 +155,10 @@ class Evaluator(Kernels):
         return next((b.rows for b in blocks if b.name == "effort_forces"), ())
 
     @cached_property
-    def couples(self) -> int:
-        """Number of couples by the forces in joints, or of efforts: unknowns behind the multipliers."""
-        d, motion = self.description, self.description.kernel("accelerations")
-        return motion.out_size - d.coordinates - len(d.constraints) if motion else 0
+    def couples(self) -> tuple[str, ...]:
+        """Names of the couples by the forces in joints, or of efforts: unknowns behind the multipliers."""
+        motion = self.description.kernel("accelerations")
+        return motion.blocks[2].rows if motion and len(motion.blocks) > 2 else ()
 
     def equations(
         self,
@@ -215,7 +215,7 @@ class Evaluator(Kernels):
             stabilisation=stabilisation,
             tangent=places(d, tangent.description) if tangent else (),
             tangent_library=tangent.library if tangent else None,
-            couples=self.couples,
+            couples=len(self.couples),
         )
 
 

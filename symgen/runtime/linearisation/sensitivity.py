@@ -75,7 +75,7 @@ def moved_motion(
     """Return dq, du and the differentials of accelerations and multipliers; as :func:`moved_pose`."""
     dq, du = _moved(tangents, by, coordinates)
     residual = tangents.slopes.residual
-    tangents.check_kept(by, residual[len(residual) - tangents.m :], dq.astype(float), du.astype(float))
+    tangents.check_kept(by, residual[tangents.n :][: tangents.m], dq.astype(float), du.astype(float))
     left = residual[:, tangents.by_q] @ dq + residual[:, tangents.by_u] @ du
     dw = tangents.solved(left + tangents.direct(residual, by))
     return dq.astype(float), du.astype(float), dw
@@ -171,9 +171,11 @@ def at_equilibrium(
     unbalanced = by_q @ dq + direct
     dq = dq - tangents.free @ np.linalg.solve(stiffness, tangents.free.T @ unbalanced)
     multipliers = (tangents.bound.T @ (by_q @ dq + direct)) / tangents.scale[:, None]
-    still, rates = np.zeros_like(dq), np.zeros_like(dq)
+    rates = np.zeros_like(dq)
     rates[states], dq[states] = dq[states], 0.0
-    result = _of_outputs(tangents, outputs, parameters, dq, rates, np.vstack([still, multipliers]))
+    solution = np.zeros((len(tangents.solution), dq.shape[1]))  # couples by forces stay zero, too
+    solution[n : n + tangents.m] = multipliers
+    result = _of_outputs(tangents, outputs, parameters, dq, rates, solution)
     result = replace(result, at_equilibrium=True)
     for name in spectra:
         moved = np.vstack([dq, multipliers])

@@ -9,7 +9,8 @@ import numpy as np
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.linearisation.tangents import LinkageTangents, Tangents, slopes_at
+from symgen.runtime.linearisation.slopes import slopes_at
+from symgen.runtime.linearisation.tangents import LinkageTangents, Tangents
 
 #: Distance to both sides over the size of the coordinates, and of the rates.
 _BESIDE = 1e-9
@@ -73,6 +74,7 @@ def _bends(tangents: LinkageTangents, name: str) -> bool:
         parameters = kernels.parameter_values.copy()
         parameters[place] += times * step
         of = Evaluator(kernels.description, kernels.library, parameters)
-        slopes.append(slopes_at(of, tangents.parameters, state, tangents.solution).residual[:, column])
+        at = slopes_at(of, tangents.parameters, state, tangents.solution, tangents.model.couples)
+        slopes.append(at.residual[:, column])
     near, far = (np.abs(slopes[i] - slopes[3 - i]).max(initial=0.0) for i in (1, 0))
     return bool(near > 0.5 * far and near > _BENT * np.abs(slopes).max())

@@ -8,7 +8,7 @@ that of the equations of motion the accelerations and multipliers. Slopes of lin
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,6 +17,7 @@ from symgen.errors import ModelError, OptionsError
 from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.redundancy import CLOSED, extent, not_unique, violation
 from symgen.runtime.kernels.evaluate import Evaluator, Kernels
+from symgen.runtime.linearisation.slopes import StateSlopes, slopes_at
 from symgen.runtime.result.state import State
 
 #: Coordinates whose directions are closer to dependent than this do not determine the motion.
@@ -27,34 +28,6 @@ _REFINEMENTS = 2
 _LOST = 1e-12
 #: Values of constraints and their derivatives, over their size, that count as zero.
 _NONE = 1e-9
-
-
-@dataclass(frozen=True, slots=True)
-class StateSlopes:
-    """Slopes at one state by its coordinates, velocities, solution (a, multipliers), and parameters.
-
-    ``residual`` are those of the equations of motion, of linkages f - M a - J^T lambda and gamma - J a,
-    ``rates`` those of dPhi/dt, ``constraints`` those of Phi (in kernels of sensitivities), a row each;
-    ``outputs`` and ``values`` are those of the outputs by name, and their values.
-    """
-
-    residual: Array
-    rates: Array
-    constraints: Array
-    outputs: dict[str, Array]
-    values: dict[str, float]
-    units: dict[str, str]
-
-    def rows(self, names: Sequence[str]) -> Array:
-        """Return the slopes of scalar outputs, a row each."""
-        return np.array([self.outputs[name] for name in names]).reshape(len(names), self.residual.shape[1])
-
-    def scalars(self, name: str) -> list[str]:
-        """Return the scalars of an output: itself, or its components."""
-        marks = name[len(name.rstrip("'")) :]
-        whole = name.removesuffix(marks)
-        components = [f"{whole}.{axis}{marks}" for axis in "xyz"]
-        return [name] if name in self.outputs else [x for x in components if x in self.outputs]
 
 
 class Tangents:
@@ -321,17 +294,29 @@ class LinkageTangents(Tangents):
     ) -> None:
         self.model, d, n = model, model.description, model.description.coordinates
         self.kernels, self.driven = kernels, d.prescribed
-        self.solution, self.slopes = solution, slopes_at(kernels, parameters, state, solution)
+        self.solution = solution
+        self.slopes = slopes_at(kernels, parameters, state, solution, model.couples)
         equations = 0.0 - self.slopes.residual[:, 2 * n : 2 * n + len(solution)]
+        if model.couples and not np.all(np.isfinite(equations)):
+            raise ModelError(
+                f"{d.name} has no derivatives at t = {state.t:g} s: the force in one of the bearings with "
+                "friction vanishes"
+            )
         scale = np.zeros(0)
         if d.constraints:
             scale = model.blocks("constraints", state.t, state.q, state.u)["constraint_scale"]
-        matrices = equations[:n, :n], equations[n:, :n]
+        matrices = equations[:n, :n], equations[n : n + len(d.constraints), :n]
         super().__init__(d, parameters, state, *matrices, scale, np.ones(n), redundant)
+
+    def _solved(self, right: Array) -> Array:
+        if not self.model.couples:
+            return super()._solved(right)
+        return np.asarray(np.linalg.solve(-self.slopes.residual[:, self.by_solution], right), dtype=float)
 
     def rates_along(self, motion: Array) -> Array:
         """Return the slopes of dPhi/dt, a row each, with the velocities of a motion."""
-        return slopes_at(self.kernels, self.parameters, replace(self.state, u=motion), self.solution).rates
+        state = replace(self.state, u=motion)
+        return slopes_at(self.kernels, self.parameters, state, self.solution, self.model.couples).rates
 
     @property
     def size(self) -> float:
@@ -354,7 +339,7 @@ class LinkageTangents(Tangents):
         error, rate = violation(self.model, self.state.t, self.state.q, self.state.u)
         # At rest, round-off of velocities is small compared with speeds that the forces cause within the
         # size.
-        forces = self.jacobian.T @ self.solution[self.n :]
+        forces = self.jacobian.T @ self.solution[self.n : self.n + self.m]
         pushed = np.max(np.abs(self.solution[: self.n])) + np.max(np.abs(forces)) / np.max(np.abs(self.mass))
         speed = max(float(np.max(np.abs(self.state.u))), float(np.sqrt(size * pushed)))
         if error > CLOSED * size or rate > CLOSED * speed:
@@ -374,27 +359,3 @@ class LinkageTangents(Tangents):
                     f"{name} depends on forces of redundant constraints, which the motion does not "
                     f"determine: those of {', '.join(self.description.labels[i] for i in open_rows)}"
                 )
-
-
-def slopes_at(kernels: Evaluator, parameters: Sequence[str], state: State, solution: Array) -> StateSlopes:
-    """Return the slopes at a state as dense rows."""
-    d = kernels.description
-    bound = [f"{c}_lambda" for c in d.constraints]
-    unknowns = [*d.of_coordinates("a"), *bound]
-    columns = [*d.of_coordinates(), *d.of_coordinates("v"), *unknowns, *parameters, "t"]
-    work = np.zeros(kernels.work_size + len(solution) + 1)
-    work[: len(solution)] = solution
-    at = state.t, state.q, state.u, work
-    infos = {b.name: b for b in kernels.info("values").blocks} if kernels.has("values") else {}
-    values = {infos[k].about: float(v[0]) for k, v in kernels.blocks("values", *at).items()} if infos else {}
-    rows = {"residual": unknowns, "rates": bound, "constraints": bound, "outputs": list(values)}
-    matrices = {name: np.zeros((len(labels), len(columns))) for name, labels in rows.items()}
-    entries = kernels("slopes", *at)
-    for block in kernels.info("slopes").blocks:
-        for row, column, place in block.places(rows[block.name], columns):
-            matrices[block.name][row, column] = entries[place]
-    outputs = dict(zip(values, matrices["outputs"], strict=True))
-    units = {b.about: b.unit for b in infos.values()}
-    return StateSlopes(
-        matrices["residual"], matrices["rates"], matrices["constraints"], outputs, values, units
-    )

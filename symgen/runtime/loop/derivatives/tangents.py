@@ -14,7 +14,8 @@ import numpy as np
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.loop_description import LoopDescription
-from symgen.runtime.linearisation.tangents import StateSlopes, Tangents
+from symgen.runtime.linearisation.slopes import StateSlopes
+from symgen.runtime.linearisation.tangents import Tangents
 from symgen.runtime.loop.ball_poles import ball_pole
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.result.state import State

@@ -145,7 +145,7 @@ def solutions(constraints: Constraints, redundant: int, poses: Poses) -> Array:
     equations = evaluator.equations(redundant)
     rows = np.zeros((len(poses), equations.dim))
     rows[:, : 2 * constraints.n] = poses.states[:, :2].reshape(len(poses), -1)
-    found = np.empty((len(poses), constraints.n + constraints.m + evaluator.couples))
+    found = np.empty((len(poses), constraints.n + constraints.m + len(evaluator.couples)))
     for of, numbers in poses.wound(evaluator):
         equations.set_parameters(of.parameter_values)
         found[numbers] = equations.solutions(poses.times[numbers], rows[numbers])[:, : found.shape[1]]

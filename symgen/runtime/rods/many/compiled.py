@@ -174,7 +174,7 @@ def _without_lanes(d: Any, chosen: Options, model: Any) -> str:
         of_methods: not _in_lanes(chosen),
         "an angle of a link is recorded": bool(d.turns),
         "the linkage is too large to be compiled for them": not fits_lanes(d),
-        "unknowns of the equations are behind the multipliers": model.evaluator.couples > 0,
+        "unknowns of the equations are behind the multipliers": bool(model.evaluator.couples),
         "kernels are not compiled": not isinstance(model.number_type, Typed),
     }
     return next((reason for reason, holds in reasons.items() if holds), "")

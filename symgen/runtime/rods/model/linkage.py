@@ -31,10 +31,6 @@ if TYPE_CHECKING:
     from symgen.runtime.rods.constraints import Constraints
 
 
-#: Analyses of loads that follow from the state alone.
-_OF_LOADS_OF_STATES = ("linearise", "modes", "sensitivity")
-
-
 @checked
 class LinkageModel(Model):
     """Compiled kernels of a linkage at one set of parameters."""
@@ -203,13 +199,11 @@ class LinkageModel(Model):
         return Constraints(self.evaluator, self.analysis("kinematics"))
 
     def _refused(self, name: str) -> str | None:
-        if name in ("equilibrium", *_OF_LOADS_OF_STATES) and self.evaluator.efforts:
+        if name in ("equilibrium", "linearise", "modes", "sensitivity") and self.evaluator.efforts:
             return (
                 "its motions are kept by unknown efforts, whose slopes are not derived\n"
                 '  Give torques and forces in place of "?", and leave out [[motions]].'
             )
-        if name in _OF_LOADS_OF_STATES and self.evaluator.couples:
-            return "friction of its bearings follows from the forces in them; its slopes are not derived"
         driven = name in ("kinematics", "inverse_dynamics", "assemblies")
         if driven and self.description.states:
             return (

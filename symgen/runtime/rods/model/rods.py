@@ -165,7 +165,8 @@ class RodModel(LinkageModel):
                     f"{self.name}: expected an equilibrium of this model, got one without the multiplier "
                     f"of constraint {lacking[0]}\n  Give one that equilibrium() of this model returned."
                 )
-            solution = np.concatenate([still, [at.multipliers[name] for name in d.constraints]])
+            at_rest = [0.0 for _ in self.evaluator.couples]
+            solution = np.concatenate([still, [at.multipliers[name] for name in d.constraints], at_rest])
         by = d.inputs if kind == "linearisation" else tuple(self.parameters)
         kernels = self.analysis(kind, outputs=tuple(names))
         return LinkageTangents(self.evaluator, kernels, by, state, solution, len(self.redundant))
@@ -185,7 +186,7 @@ class RodModel(LinkageModel):
         for name in speeds:
             check_known(name, places, f"{self.name}: velocities: no position is given for the coordinate")
         kernels = self.analysis("linearisation", outputs=tuple(derivatives(d, (*places,))))
-        unsolved = np.zeros(d.coordinates + len(d.constraints))
+        unsolved = np.zeros(d.coordinates + len(d.constraints) + len(self.evaluator.couples))
 
         def at(when: float, q: Array, u: Array) -> LinkageTangents:
             state = self._state(when, q, u)
