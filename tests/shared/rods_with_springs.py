@@ -49,7 +49,7 @@ class Rods:
                 for kind in (places, velocities):
                     kind[point] = (1 - share) * kind[first[0]] + share * kind[last[1]]
         state = self.model.state({p: places[p] for p in names}, {p: velocities[p] for p in names})
-        return self.model.simulate(t_end, samples=samples, rtol=rtol, state=state)
+        return self.model.simulate(t_end, samples=samples, method="dop853", rtol=rtol, state=state)
 
     def bending_strain(self, run, link: str) -> np.ndarray:
         """Return the bending strain at mid-length, linear between the joints of the rods."""

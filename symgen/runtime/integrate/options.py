@@ -32,7 +32,7 @@ _RTOL = 1e-9
 #: Default absolute tolerance [m, m/s], over the relative one.
 _ATOL = 1e-3
 #: Largest relative tolerance at which power series are the default: measured, see docs/integrators.md.
-SERIES_RTOL = 1e-9
+SERIES_RTOL = 1e-7
 #: The same where events or jumps of loads have no series: short steps take longer than dop853 in doubles.
 SERIES_RTOL_PROBED = 1e-13
 

@@ -104,7 +104,7 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
             End of the run [s]; by default that of the scene, for elastic links one revolution.
         method
             Name of an integrator (``docs/integrators.md``): by default ``taylor`` for ``rtol`` of at most
-            1e-9 where it can, otherwise ``dop853``. Elastic links: ``gauss`` (default), ``gauss4``,
+            1e-7 where it can, otherwise ``dop853``. Elastic links: ``gauss`` (default), ``gauss4``,
             ``newmark``, ``generalized-alpha``, ``wilson-theta``, ``bdf2`` to ``bdf5``, ``dop853``, ``rk4``.
         rtol, atol
             Tolerances of the local error of adaptive methods: relative (1e-9), in m and m/s (rtol/1000).

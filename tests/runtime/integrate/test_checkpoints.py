@@ -80,11 +80,12 @@ def bits(result):
 def test_the_whole_simulation_resumes(model, tmp_path):
     """The last checkpoint of a run that ended at max_steps, taken up without that limit."""
     file = tmp_path / "kept"
-    whole = model.simulate(2.0, rtol=1e-8)
+    asked = {"t_end": 2.0, "method": "dop853", "rtol": 1e-8}
+    whole = model.simulate(**asked)
     stop = {"max_steps": 40, "checkpoint": file, "checkpoint_every": 0}
     with pytest.raises(symgen.errors.SimulationError, match="max_steps"):
-        model.simulate(2.0, rtol=1e-8, **stop)
-    resumed = model.simulate(2.0, rtol=1e-8, resume=file)
+        model.simulate(**asked, **stop)
+    resumed = model.simulate(**asked, resume=file)
     assert bits(resumed) == bits(whole)
     assert resumed.statistics | {"wall_s": 0} == whole.statistics | {"wall_s": 0}
 

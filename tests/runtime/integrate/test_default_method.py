@@ -23,8 +23,8 @@ def method_of(model, **options):
     ("options", "method"),
     [
         ({}, "taylor"),
-        ({"rtol": 1e-9}, "taylor"),
-        ({"rtol": 2e-9}, "dop853"),
+        ({"rtol": 1e-7}, "taylor"),
+        ({"rtol": 2e-7}, "dop853"),
         ({"rtol": 1e-12, "max_step": 0.01}, "taylor"),
         ({"rtol": 1e-12, "stabilisation": "baumgarte"}, "dop853"),
         ({"rtol": 1e-12, "method": "dop853"}, "dop853"),
@@ -39,7 +39,7 @@ def test_of_loops():
     """Where the power series of a loop end, another method repeats the run: the message has its number of steps."""
     tables, options = freed("rssr", 0.5, 3.0), {"t_end": 0.1}
     model = symgen.build(symgen.Scene(**tables))
-    assert method_of(model, t_end=0.1, rtol=2e-9) == "dop853"
+    assert method_of(model, t_end=0.1, rtol=2e-7) == "dop853"
     assert method_of(model, **options) == "taylor"
     assert method_of(symgen.build(symgen.Scene(**tables), backend="numpy"), **options) == "dop853"
     tables["parameters"]["c"] = "0.1 N*m"
@@ -58,7 +58,7 @@ def test_the_default_tolerance_of_float32_is_larger():
 
 @pytest.mark.parametrize(
     ("of", "rtol", "method"),
-    [("A.y", 1e-9, "taylor"), ("abs(A.y)", 1e-12, "dop853"), ("abs(A.y)", 1e-13, "taylor")],
+    [("A.y", 1e-7, "taylor"), ("abs(A.y)", 1e-12, "dop853"), ("abs(A.y)", 1e-13, "taylor")],
 )
 def test_events_without_series(of, rtol, method):
     """Steps of power series are short with them."""

@@ -198,7 +198,7 @@ def test_what_lanes_do_not_have_is_carried_out_singly_or_refused():
         ({}, {}, "they are less than 64"),
         (
             {},
-            {"rtol": 1e-8},
+            {"rtol": 1e-6},
             "these are for taylor, and for dop853 and rk4 with fixed steps and projection",
         ),
         ({}, {"method": "radau5"}, "radau5 is implicit"),
