@@ -37,10 +37,11 @@ struct look {
 };
 
 /* Whether the root of the pivot's part may pass zero between two looks. It would do so about where it falls to zero linearly
-   from both: the part there is below half of the `least` of the looks, unless the slope of the root changes by its size. */
+   from both: the part there is below half of the `least` of the looks, unless the slope of the root changes by its size. It
+   does in long steps without a polynomial, whose states inside are far from the constraints. */
 static int may_vanish(struct run *run, struct look a, struct look b, double least, real t_new) {
     const real from = R(sqrt(fmax(a.part, 0.0))), to = R(sqrt(fmax(b.part, 0.0)));
-    if (!(least > PASSAGE) || !real_isfinite(from + to))
+    if (!(least > PASSAGE) || !real_isfinite(from + to) || !is_polynomial(run, a.t))
         return 1;
     return !(soundness(run, a.t + (b.t - a.t) * (from / (from + to)), t_new) > 0.5 * least);
 }
