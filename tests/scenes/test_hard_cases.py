@@ -259,6 +259,22 @@ def test_every_passage_is_found_however_large_the_steps(options):
 
 
 @pytest.mark.parametrize(
+    ("angle", "rate", "end"), [(2.86, 1.14, 37.0), (0.28, 2.33, 41.5), (1.63, 2.87, 25.8)]
+)
+@pytest.mark.parametrize("rtol", [1e-3, 1e-5, 1e-7])
+def test_every_passage_is_found_from_any_start(angle, rate, end, rtol):
+    """Passages are anywhere in the steps, which begin at other angles."""
+    data = read_scene("parallelogram").data
+    data |= {"parameters": {"rate": f"{rate} rad/s"}, "start": {}}
+    data["drivers"] = [{"link": "AB", "angle": f"{angle} - rate*t"}]
+    data["analysis"]["outputs"] = ["C.position"]
+    count = int((rate * end - angle) // np.pi) + 1
+    for method in ("taylor", "dop853"):
+        notes = symgen.build(symgen.Scene(**data)).simulate(end, samples=2, method=method, rtol=rtol).notes
+        assert notes[0].startswith(f"passed {count} losses of rank")
+
+
+@pytest.mark.parametrize(
     "drawn", [["0 m", "0 m", "-2 m"], full(["2 m", "0 m", "0 m"]), ["2 m", "0.3 m", "0.1 m"]]
 )
 def test_a_bead_stays_on_its_rod_whatever_the_attitude(drawn):

@@ -30,22 +30,6 @@ static double soundness(struct run *run, real t, real t_new) {
     return e->account->soundness;
 }
 
-/* A look at the least pivot: its time and its part. */
-struct look {
-    real t;
-    double part;
-};
-
-/* Whether the root of the pivot's part may pass zero between two looks. It would do so about where it falls to zero linearly
-   from both: the part there is below half of the `least` of the looks, unless the slope of the root changes by its size. It
-   does in long steps without a polynomial, whose states inside are far from the constraints. */
-static int may_vanish(struct run *run, struct look a, struct look b, double least, real t_new) {
-    const real from = R(sqrt(fmax(a.part, 0.0))), to = R(sqrt(fmax(b.part, 0.0)));
-    if (!(least > PASSAGE) || !real_isfinite(from + to) || !is_polynomial(run, a.t))
-        return 1;
-    return !(soundness(run, a.t + (b.t - a.t) * (from / (from + to)), t_new) > 0.5 * least);
-}
-
 /* Search between a and b for the instant at which the constraints are nearest to a loss of rank. Towards a loss of rank
    both values fall with the square of the interval, to less than a tenth in six divisions of it; a search in which the
    larger one does not fall to half ends. */
@@ -95,8 +79,8 @@ void look_inside(struct run *run, real t_new) {
     }
 }
 
-/* Follow the least pivot through the step and locate its zeros, near minima. The two previous looks are
-   (t_before, at_before) and (t_look, at_look). */
+/* Follow the least pivot through the step and locate its minima. The two previous looks are (t_before, at_before) and
+   (t_look, at_look). */
 void watch_rank(struct run *run, real t_new, double sound) {
     struct state *s = run->state;
     struct account *account = run->e->account;
@@ -109,17 +93,13 @@ void watch_rank(struct run *run, real t_new, double sound) {
     for (int k = 1; k <= parts; k++) {
         real t = s->t + R(k) * (t_new - s->t) / R(parts);
         double at = k == parts ? sound : s->looks[k - 1];
-        const struct look before = {s->t_before, s->at_before}, last = {s->t_look, s->at_look}, next = {t, at};
-        if (last.part <= before.part && last.part < at
-            && (may_vanish(run, before, last, last.part, t_new) || may_vanish(run, last, next, last.part, t_new)))
-            look_for_passage(run, before.t, t, t_new);
+        if (s->at_look <= s->at_before && s->at_look < at)
+            look_for_passage(run, s->t_before, t, t_new);
         s->t_before = s->t_look, s->at_before = s->at_look;
         s->t_look = t, s->at_look = at;
     }
-    const struct look before = {s->t_before, s->at_before}, last = {s->t_look, s->at_look};
-    if (t_new >= R(run->task.t_end) && !run->task.continues && last.part < before.part
-        && may_vanish(run, before, last, last.part, t_new))
-        look_for_passage(run, before.t, t_new, t_new);
+    if (t_new >= R(run->task.t_end) && !run->task.continues && s->at_look < s->at_before)
+        look_for_passage(run, s->t_before, t_new, t_new);
     if (run->e->of->look == NULL)
         run->e->of->factorise(run->e, t_new, run->y_new);
     account->soundness = at_end.soundness, account->weakest = at_end.weakest, account->lost = at_end.lost;
