@@ -124,6 +124,7 @@ class CommandRequest:
         if path and (names or over):
             raise ModelError("give --xy, or --plot-of and --over, not both")
         stems = [file.stem for file in files or ()]
+        from symgen.runtime.beams.selection import every_output
         from symgen.runtime.model.verbs import accepted
 
         others = {}
@@ -138,7 +139,7 @@ class CommandRequest:
             further = False
         else:
             self.options.pop("of", None)
-        with saved_on_failure(out):
+        with saved_on_failure(out), every_output() if of else nullcontext():
             result = self.result(verb, **self.arguments(verb), **more)
         if of and further:
             result = result.selected(of)

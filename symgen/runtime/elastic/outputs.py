@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import tee
 from threading import RLock
 from typing import Any
 
 import numpy as np
 
-from symgen.errors import SceneError, SimulationError
+from symgen.errors import SimulationError
 from symgen.precision import FLOAT64
 from symgen.runtime import _beams
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.forces import RunMotion, crank_rotation
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.kernels.description import Description
 from symgen.runtime.result.modes import ElasticModes
-from symgen.runtime.result.records import Coordinate, Variable, of_names, over_time, unknown
+from symgen.runtime.result.records import Coordinate, Variable, over_time
 
 Counts = Indices
 
@@ -101,43 +99,6 @@ def coordinate_of(motion: ElasticMotion, times: Array) -> Coordinate:
     if not motion.speed:
         return over_time(times)
     return Coordinate("angle", "rad", "crank angle", motion.angle_at(times))
-
-
-def selected(variables: Iterable[Variable], d: Description) -> tuple[Variable, ...]:
-    """Return the outputs that the scene selects, in its order; all where it selects none.
-
-    Forces at the foot of a point off the line of an elastic link have the name of this point. Other outputs
-    of feet are for drawings, which select them.
-
-    Raises
-    ------
-    SceneError
-        When a run of elastic links has no such output.
-    """
-    names = d.elastic.outputs if d.elastic else None
-    feet = {foot: d.links[lug][1] for lug, foot in d.lugs.items() if foot}
-    variables, again = tee(_at_point(v, feet) for v in variables)
-    if names is None:
-        return tuple(v for v in variables if v.name.partition(".")[0] not in feet)
-    found = of_names(variables, names)
-    for name in names:
-        if name not in found:
-            known = [v for v in again if v.name.partition(".")[0] not in feet]
-            raise SceneError(
-                f"runs of elastic links have no output {name!r}. {unknown(name, known)}",
-                where="analysis.outputs",
-            )
-    return tuple(found[name] for name in names)
-
-
-def _at_point(variable: Variable, feet: Mapping[str, str]) -> Variable:
-    """Return a force on a link at a foot as one at the point that the foot carries; others as they are."""
-    link, _, rest = variable.name.partition(".")
-    foot, _, word = rest.partition(".")
-    if foot not in feet:
-        return variable
-    about = variable.about.replace(foot, f"the section of {feet[foot]}")
-    return replace(variable, name=f"{link}.{feet[foot]}.{word}", about=about)
 
 
 def strains(name: str, beam: Beam, at: float, bending: Array, axial: Array) -> list[Variable]:

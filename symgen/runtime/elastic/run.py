@@ -26,12 +26,13 @@ from symgen.runtime.beams.energies import Energies, energies, of_angles, of_kine
 from symgen.runtime.beams.forces import ElasticForces, RunMotion, accelerations_of, forces
 from symgen.runtime.beams.methods import BEAM_METHODS, GAUSS
 from symgen.runtime.beams.modal.structure import UnstableError
+from symgen.runtime.beams.selection import note_of_omitted, selected
 from symgen.runtime.elastic.checkpoint import stages_of
 from symgen.runtime.elastic.jumps import jump_times
 from symgen.runtime.elastic.large.shaking import in_linear_theory
 from symgen.runtime.elastic.mesh import mesh_error, unknown
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import Once, Solution, coordinate_of, outputs, recovered, selected
+from symgen.runtime.elastic.outputs import Once, Solution, coordinate_of, outputs, recovered
 from symgen.runtime.elastic.static import held, initial
 from symgen.runtime.elastic.steady.periodic import again, periodic
 from symgen.runtime.elastic.steps import (
@@ -106,6 +107,8 @@ def run(
     if task.form == "thesis":
         check_thesis(motion)
     check_wall("preparing the elastic links")
+    if motion.info.outputs is not None:
+        selected(outputs_of_runs(motion, task), motion.rigid.description, partial(outputs_of_runs, motion))
     stages = stages_of(motion, equations, keeping, repr(task), times.tobytes().hex()) if keeping else None
     pace, passes = Pace(0.0, end), list[Solution]()
     try:
@@ -216,7 +219,7 @@ def _result(
     attributes |= {"t_end": float(np.max(times)), "geometric_stiffness": motion.stiffened}
     attributes |= {} if task.method in ("quasi-static", "periodic") else {"initial": task.initial}
     source = _Recorded(motion, task, states.at(np.arange(len(times))), times, wall, is_spent())
-    result = ElasticResult._later(
+    return ElasticResult._later(
         source,
         **of_model(d, rigid.parameters, **attributes, **build_settings(rigid.evaluator.library, rigid.typed)),
         axes=d.axes,
@@ -226,9 +229,15 @@ def _result(
         events=(),
         times=times if motion.speed else None,
     )
-    if motion.info.outputs is not None:
-        _ = result.variables  # a name that no output has is refused at once
-    return result
+
+
+def outputs_of_runs(motion: ElasticMotion, task: Task | None = None) -> Iterator[Variable]:
+    """Return the outputs of a run by linear theory, undeformed, before it; none of a free rigid motion."""
+    if motion.undetermined:
+        return iter(())
+    still, task = np.zeros((1, motion.layout.unknowns)), task or Task(GAUSS.name, 2)
+    states = Solution(still, None if task.method == "quasi-static" else still, 0)
+    return _Recorded(motion, task, states, np.zeros(1), 0.0, True).outputs()
 
 
 @dataclass
@@ -294,7 +303,8 @@ class _Recorded:
 
     def variables(self) -> tuple[Variable, ...]:
         """Return the outputs that the scene selects."""
-        return selected(self.outputs(), self.motion.rigid.description)
+        d = self.motion.rigid.description
+        return selected(self.outputs(), d, partial(outputs_of_runs, self.motion))
 
     def statistics(self) -> Mapping[str, Any]:
         """Return counts, errors, shares of second order, powers, and multipliers."""
@@ -325,6 +335,7 @@ class _Recorded:
             *_of_stability(self.states),
             *of_steps(task, self.states),
             *d.remarks,
+            *(note_of_omitted(self.variables(), d) if names else ()),
             *of_crank(motion, whole),
             *of_reductions(motion),
             *of_lengths(motion),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import operator
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -15,10 +15,10 @@ import numpy as np
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import GAUSS8
+from symgen.runtime.beams.selection import none, note_of_omitted, selected
 from symgen.runtime.elastic.large.checkpoint import RefinementCheckpoints
 from symgen.runtime.elastic.large.collocation import ConstrainedSystem, MotionState, SystemRun, stacked
 from symgen.runtime.elastic.mesh import mesh_error, unknown
-from symgen.runtime.elastic.outputs import selected
 from symgen.runtime.integrate.checkpoint import CheckpointOptions, mark_of_kernels
 from symgen.runtime.integrate.pace import OutOfTime, Progress, limited, out_of_time, wall_left
 from symgen.runtime.kernels.arguments import count as whole
@@ -59,6 +59,8 @@ class LargeMotion:
         The initial state in words, or amplitudes of modes [m].
     form, notes
         See :class:`~symgen.runtime.result.elastic.ElasticResult`.
+    of_runs
+        Function that returns the outputs of runs by linear theory.
     identity
         Data that determine a run, in addition to the rigid linkage and its parameters.
     """
@@ -74,6 +76,11 @@ class LargeMotion:
     identity: tuple[str, ...] = ()
     start: Callable[[Any], MotionState] = operator.methodcaller("start")
     initial: str | Sequence[float] = "undeformed"
+    of_runs: Callable[[], Iterable[Variable]] = none
+
+    def selected(self, variables: Iterable[Variable]) -> tuple[Variable, ...]:
+        """Return the outputs that the scene selects; raise SceneError where there is no such output."""
+        return selected(variables, self.rigid.description, self.of_runs)
 
     def error(self, coarse: Sequence[Variable], fine: Sequence[Variable]) -> float:
         """Return the difference of stresses of two runs over their peak at a station, the largest of all.
@@ -174,6 +181,7 @@ def _refine(
         When the wall time is spent; ``passes`` has then a run, if need be the first one so far.
     """
     initial, steps = of.start(of.system), math.ceil(least / (len(times) - 1))
+    of.selected(of.outputs(of.system, [initial]))
 
     def begun(steps: int) -> SystemRun:
         run = SystemRun(of.system, GAUSS8, times, steps, initial, rigid=of.rigid.evaluator)
@@ -277,7 +285,8 @@ def drift_of(system: ConstrainedSystem, moments: Sequence[MotionState]) -> tuple
 def _result(of: LargeMotion, times: Array, one: Refinement, rtol: float, begun: float) -> ElasticResult:
     times = times[: one.count]
     d, rigid, coordinate = of.rigid.description, of.rigid, of.coordinate(times)
-    notes = [*of.notes, *notes_on_events(rigid.evaluator, one.run.stepper)]
+    shown = of.selected(one.variables)
+    notes = [*of.notes, *note_of_omitted(shown, d), *notes_on_events(rigid.evaluator, one.run.stepper)]
     if one.error > rtol:
         notes.append(
             f"the error by time steps does not reach rtol = {rtol:g}: links vibrate, as from an abrupt "
@@ -289,7 +298,7 @@ def _result(of: LargeMotion, times: Array, one: Refinement, rtol: float, begun: 
         **of_model(d, rigid.parameters, **attributes, **build_settings(rigid.evaluator.library, rigid.typed)),
         axes=d.axes,
         coordinate=coordinate,
-        variables=selected(one.variables, d),
+        variables=shown,
         drift=one.drift,
         final={},
         statistics={

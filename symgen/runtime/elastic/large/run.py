@@ -18,6 +18,7 @@ from symgen.runtime.elastic.large.shaking import in_large_rotation
 from symgen.runtime.elastic.large.statics import described, resting
 from symgen.runtime.elastic.motion import ElasticMotion
 from symgen.runtime.elastic.outputs import bow, coordinate_of, displacement, length_change, strains
+from symgen.runtime.elastic.run import outputs_of_runs
 from symgen.runtime.elastic.steps import check_revolutions, turn
 from symgen.runtime.integrate.pace import unlimited
 from symgen.runtime.kernels.arguments import count as whole
@@ -104,7 +105,8 @@ def equilibrium(motion: ElasticMotion, rigid: RodModel, elements: int, t: float,
                 fraction = np.linalg.norm(drawn[point] - drawn[info.start]) / link.beam.properties.length
                 on_links[point] = link.place(q, float(fraction))[0]
     places = {p: pose.positions[p][None] for p in d.free}
-    return described(linkage, at, of, forces, outputs(motion, linkage, [at], places), on_links)
+    of_runs = partial(outputs_of_runs, motion)
+    return described(linkage, at, of, forces, outputs(motion, linkage, [at], places), on_links, of_runs)
 
 
 def large_motion(motion: ElasticMotion, elements: int, outputs_of: Outputs | None = None) -> LargeMotion:
@@ -120,6 +122,7 @@ def large_motion(motion: ElasticMotion, elements: int, outputs_of: Outputs | Non
         f"{elements} elements a link",
         (*_stiffness_damped(motion), *_stretching(motion), *_free(motion)),
         motion.identity,
+        of_runs=partial(outputs_of_runs, motion),
     )
 
 
@@ -202,7 +205,7 @@ def _rigid_places(motion: ElasticMotion, times: Array) -> dict[str, Array]:
         with unlimited():
             rigid = motion.rigid.simulate(float(times[-1]), samples=len(times), rtol=_RIGID_RTOL)
         return {p: rigid.variable(f"{p}.position").values for p in d.free}
-    if motion.has_motor:
+    if motion.has_motor and times[-1]:
         motion = motion.about(motion.machine.path(float(times[-1])))
     (q, _, _), _, _ = motion.rigid_motion(motion.equations(), times)
     return {p: q[:, 2 * k : 2 * k + 2] for k, p in enumerate(d.free)}

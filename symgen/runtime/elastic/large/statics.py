@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,8 +11,8 @@ import numpy as np
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.modal.structure import modes_at_rest
+from symgen.runtime.beams.selection import none, note_of_omitted, selected
 from symgen.runtime.elastic.large.collocation import ConstrainedSystem, MotionState, stacked
-from symgen.runtime.elastic.outputs import selected
 from symgen.runtime.linearisation.eigenvalues import eigenvalues
 from symgen.runtime.newton import corrected
 from symgen.runtime.result.equilibrium import Equilibrium, Linearised
@@ -286,6 +286,7 @@ def described(
     forces: Sequence[Array],
     outputs: Sequence[Variable],
     positions: Mapping[str, Array],
+    of_runs: Callable[[], Iterable[Variable]] = none,
 ) -> Equilibrium:
     """Return an equilibrium with the equations about it.
 
@@ -297,6 +298,8 @@ def described(
         Outputs at this motion.
     positions
         Places [m] of points that are not those of the linkage with rigid links.
+    of_runs
+        Function that returns the outputs of runs by linear theory.
     """
     d, n = system.rigid.description, system.rigid.description.coordinates
     times, q, v, a, multipliers = stacked([at])
@@ -309,7 +312,7 @@ def described(
     state = state_at(system.rigid.evaluator, at.t, q[0, :n], v[0, :n])
     state.positions.update(positions)
     on_points = (multipliers[0, : len(system.rows)] / system.sizes).tolist()
-    shown = selected(outputs, d)
+    shown = selected(outputs, d, of_runs)
     return Equilibrium(
         state,
         about.stability(),
@@ -321,4 +324,5 @@ def described(
         outputs={x.name: x.values[0] for x in shown},
         units={x.name: x.unit for x in shown},
         linearised=about,
+        notes=tuple(note_of_omitted(shown, d)),
     )

@@ -13,7 +13,6 @@ from symgen.errors import ModelError, SimulationError
 from symgen.runtime.elastic.large.collocation import MotionState, stacked
 from symgen.runtime.elastic.large.passes import LargeMotion, refined_run
 from symgen.runtime.elastic.model import ModelOfRigid
-from symgen.runtime.elastic.outputs import selected
 from symgen.runtime.elastic.space.initial import initial
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
 from symgen.runtime.elastic.space.outputs import outputs
@@ -159,7 +158,6 @@ class SpatialModel(ModelOfRigid):
         still = {f"{p}.position" for p in d.ground if p in d.steady}
         still -= {*((d.elastic and d.elastic.outputs) or ())}
         variables = [v for v in outputs(linkage, moments) if v.name not in still]
-        selected(variables, d)  # refused before the steps are refined
         for variable in (v for v in variables if v.name.endswith(".axial_strain")):
             beyond = np.flatnonzero(~(np.abs(variable.values) <= _STRAIN))
             if len(beyond):
