@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import sympy as sp
@@ -168,11 +169,19 @@ class Values:
         """Check that a prescribed motion has a velocity and an acceleration."""
         unit = "rad" if dim == units.NUMBER else dim.unit
         with at(where):
-            check_rate(expression, TIME.symbol, self.defaults, unit)
+            check_rate(expression, TIME.symbol, self.defaults, unit, self._end_of_run)
         for _ in range(2):
             expression = partial(expression, TIME.symbol)
             with at(where):
                 self.number(expression)
+
+    @cached_property
+    def _end_of_run(self) -> float:
+        """End of the run that the scene gives [s]; infinite if it gives none."""
+        analysis = self.scene.analysis
+        if "t_end" not in analysis.model_fields_set:
+            return math.inf
+        return self.number(self.positive(analysis.t_end, units.TIME, "analysis.t_end"))
 
     @property
     def with_time(self) -> Names:

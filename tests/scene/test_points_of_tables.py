@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import symgen
-from symgen.errors import SceneError
+from symgen.errors import SceneError, SimulationError
 from symgen.runtime import _core
 from symgen.symbolic.switch import WHICH_PIECE
 
@@ -113,8 +114,23 @@ smooth = { x = ["0 s", "1 s", "2 s"], y = [0, 1, 0], kind = "pchip", period = "2
 )  # fmt: skip
 def test_a_table_that_ends_with_a_rate_is_named_with_its_end(x, y, message, tmp_path):
     table = f"law = {{ x = {x}, y = {y} }}".replace("'", '"')
-    with pytest.raises(SceneError, match=message):
+    with pytest.raises(SceneError, match=message) as caught:
         resolved(tmp_path, table, "0 N", '\n[[drivers]]\nlink = "bar"\nangle = "law(t)"\n')
+    assert '"k*(law(t) - P.y)"' in str(caught.value)
+
+
+def test_a_table_that_ends_with_a_rate_behind_the_run_is_accepted(tmp_path):
+    """At 2 s; longer runs end there with an error, and do not pass it."""
+    drive = '\n[[drivers]]\nlink = "bar"\nangle = "law(t)"\n[analysis]\nt_end = "2 s"\n'
+    model = resolved(tmp_path, 'law = { x = ["0 s", "2 s"], y = [0, 3] }', "0 N", drive)
+    assert model.simulate(samples=3).final["A"]["position"][0] == pytest.approx(np.cos(3.0), abs=1e-9)
+    for longer in (
+        lambda: model.simulate(2.5),
+        lambda: model.kinematics(over="time", stop=2.5),
+        lambda: model.inverse_dynamics(over="time", stop=2.5),
+    ):
+        with pytest.raises(SimulationError, match="the prescribed motion, or its rate, jumps .* at t = 2 s"):
+            longer()
 
 
 def test_a_table_may_end_with_a_rate_of_zero(tmp_path):

@@ -94,7 +94,7 @@ def of_prescribed(jump: str, at: str) -> str:
     """Return the message for a prescribed motion that jumps, or whose rate does."""
     return (
         f"the prescribed motion, or its rate, jumps with {jump} {at}: no acceleration takes it further\n"
-        "  Choose parameters with which its parts end as they begin, or write a profile.NAME."
+        "  Choose parameters with which its parts end as they begin, or write a profile.NAME; or end before."
     )
 
 

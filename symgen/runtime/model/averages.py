@@ -138,13 +138,21 @@ def _repeated(result: Any) -> Callable[[Array], Any]:
 
 
 def _panels(result: Any, first: float, last: float) -> Array:
-    """Return the ends of the first panels: those of the steps of a run, which end at switching points."""
+    """Return the ends of the first panels: those of the steps of a run, which end at switching points.
+
+    Of a prescribed motion with switching points they are those of a run through it.
+    """
     model, verb, arguments = result.origin or (None, "", {})
-    if model is None or verb != "simulate":
-        if getattr(model.description, "switches", ()) if model is not None else ():
-            raise ResultError("means of prescribed motions with switching points are not available: simulate")
-        return np.linspace(first, last, _PANELS + 1)
     same = {name: x for name, x in arguments.items() if name not in ("samples", "t_eval", "max_wall")}
+    if model is None or verb != "simulate":
+        if model is None or not getattr(model.description, "switches", ()):
+            return np.linspace(first, last, _PANELS + 1)
+        if first < 0.0:
+            raise ResultError(
+                "means of prescribed motions with switching points are those of times from 0 on, at which runs "
+                f"start, got a range from {first:g} s"
+            )
+        same = {"t_end": last, **({"state": arguments["state"]} if arguments.get("state") else {})}
     with noted_ends() as ends:
         model.simulate(**same, t_eval=[last])
     inside = np.array(sorted({float(t) for t in ends if first < t < last}))  # np.unique imports numpy.ma

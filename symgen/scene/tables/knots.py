@@ -16,10 +16,13 @@ _JUMP = 1e-9
 _NEEDS = "a prescribed motion needs an acceleration at every time"
 
 
-def check_rate(motion: sp.Expr, t: sp.Symbol, values: Mapping[sp.Symbol, sp.Expr], unit: str) -> None:
+def check_rate(
+    motion: sp.Expr, t: sp.Symbol, values: Mapping[sp.Symbol, sp.Expr], unit: str, end: float
+) -> None:
     """Check that a function of the time has a continuous rate: at its jumps, and at the knots of its tables.
 
-    Where the variable of a table is no multiple of the time, plus a constant, its own smoothness counts.
+    Knots behind the end of the run are left to analyses, which end with an error where they pass
+    a jump. Where the variable of a table is no multiple of the time, plus a constant, its own smoothness counts.
 
     Parameters
     ----------
@@ -29,6 +32,8 @@ def check_rate(motion: sp.Expr, t: sp.Symbol, values: Mapping[sp.Symbol, sp.Expr
         The tunable parameters in the scene. At jumps the rate has to be continuous for all of their values.
     unit
         Unit of the function.
+    end
+        End of the run that the scene gives [s], or infinity.
 
     Raises
     ------
@@ -54,6 +59,8 @@ def check_rate(motion: sp.Expr, t: sp.Symbol, values: Mapping[sp.Symbol, sp.Expr
             ("its rate jumps", f"{unit}/s", partial(motion, t)),
         ):
             for time, piece in _knots(function, t, values):
+                if time >= end:
+                    continue
                 at = {**values, t: time}
                 before, behind = (
                     float(expression.xreplace(_held(expression, function, p)).xreplace(at).n(30))
@@ -154,4 +161,7 @@ def _jumping(function: PiecewisePolynomial, change: str = "", piece: int = 0) ->
             )
         if end and not pieces.period:
             where = f"the {end} point of the table {pieces.name}"
+            hint += " Or end the motion before, with analysis.t_end."
+        through = pieces.of(written(function.args[0]))
+        hint += f' A force may have corners, such as that of a tyre on a road, "k*({through} - P.y)".'
     return SceneError(f"{_NEEDS}: {change or 'its rate jumps'} {where}", hint=hint)

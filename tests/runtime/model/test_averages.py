@@ -230,5 +230,31 @@ def test_motions_without_means_say_why():
         "drivers": [{"link": "rod", "angle": "w*t"}],
         "analysis": {"t_end": "1 s", "outputs": ["rod.torque"]},
     }
-    with pytest.raises(ResultError, match="with switching points"):
-        symgen.build(symgen.Scene(**scene)).inverse_dynamics().averages()
+    model = symgen.build(symgen.Scene(**scene))
+    with pytest.raises(ResultError, match=r"of times from 0 on, .* got a range from -0.5 s"):
+        model.inverse_dynamics(over="time", start=-0.5, stop=1.0).averages()
+
+
+@pytest.mark.parametrize("verb", ["kinematics", "inverse_dynamics"])
+def test_a_rise_by_a_profile_and_a_torque_that_jumps(verb):
+    """Panels end where the rise begins and ends: means of t^n and its derivatives by hand, exact per panel."""
+    begin, time, end = 0.123, 0.456, 1.0
+    motion = f"profile.poly345((t - {begin}*T)/({time}*T))"
+    names = ["arm.angular_velocity", "arm.angular_acceleration", "arm.torque"]
+    data = dict(
+        parameters={"T": "1 s", "M": "3 N*m"},
+        points={"O": {"at": ["0 m", "0 m"], "ground": True}, "B": {"at": ["0.5 m", "0 m"]}},
+        links={"arm": {"points": ["O", "B"], "mass": "0 kg"}},
+        masses=[{"point": "B", "mass": f"{MASS} kg"}],
+        torques=[{"link": "arm", "torque": "M*(1 + sign(t - 0.777*T))"}],
+        drivers=[{"link": "arm", "angle": motion}],
+        analysis={"t_end": f"{end} s", "outputs": names},
+    )
+    found = getattr(symgen.build(symgen.Scene(**data)), verb)(over="time", samples=7).averages(1e-10)
+    if verb == "kinematics":
+        names = ["arm.rate", "arm.acceleration"]
+    assert found[names[0]].mean == pytest.approx(1 / end, rel=1e-12)
+    assert found[names[0]].rms ** 2 == pytest.approx(10 / 7 / time / end, rel=1e-12)
+    assert found[names[1]].rms ** 2 == pytest.approx(120 / 7 / time**3 / end, rel=1e-12)
+    if verb == "inverse_dynamics":  # the drive balances 6 N m behind 0.777 s, and inertia of no mean
+        assert found[names[2]].mean == pytest.approx(-6 * (end - 0.777) / end, rel=1e-12)
