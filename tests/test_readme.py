@@ -44,6 +44,24 @@ def test_the_scenes_run(tmp_path):
     assert model.unknowns == symgen.build("thesis_four_bar").unknowns + 4
 
 
+def test_the_first_run_prints_the_numbers_shown():
+    """All but the wall time, and errors of round-off, which depend on the machine."""
+    text = README.read_text(encoding="utf-8")
+    (command,) = re.findall(r"&& symgen (run .*)$", text, re.MULTILINE)
+    shown = text[text.index("\nPeaucellier straight-line generator: at") :].partition("```")[0]
+    done = runner.invoke(app, command.split(), env={"COLUMNS": "100"})
+    printed = [line.split() for line in done.stdout.splitlines()]
+    values = {" ".join(line[:2]): line[2:] for line in printed}
+    lines = [line.split() for line in shown.splitlines() if line.strip(" .─")]
+    assert len(lines) == 11
+    for line in lines:
+        label = " ".join(line[:2])
+        if label in ("constraint drift", "energy drift"):
+            assert float(line[2]) < 1e-14 > float(values[label][0])
+        elif label != "wall time":
+            assert line in printed
+
+
 @pytest.mark.parametrize(
     ("task", "page", "unit", "rows"),
     [

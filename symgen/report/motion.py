@@ -47,7 +47,9 @@ def print_result(result: Result, model: Any, console: Console) -> None:
         console.print(title)
     if result.variables:
         print_recorded(result, console)
-    console.print(run_table(result))
+    d = model.description
+    free = d.of_points - len(d.constraints) + len(model.redundant)
+    console.print(run_table(result, [("freedoms (drives)", f"{free} ({len(d.drives)})")]))
     if result.events:
         console.print(events_table(result))
     print_notes(result.notes, console)

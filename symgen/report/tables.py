@@ -143,13 +143,14 @@ def _type(result: Result) -> tuple[str, ...]:
     return (precision,) if precision else ()
 
 
-def run_table(result: Result) -> Group:
-    """Return a table of run statistics: cost and errors."""
+def run_table(result: Result, more: Sequence[tuple[str, str]] = ()) -> Group:
+    """Return a table of run statistics: cost and errors, after ``more`` rows."""
     drift, statistics = result.drift.measured, result.statistics
     return table(
         "The run",
         ("", ""),
         (
+            *more,
             ("method", result.provenance["method"]),
             ("backend", ", ".join((result.provenance["backend"], *_type(result)))),
             *(  # solvers from elsewhere tell few or none

@@ -177,6 +177,8 @@ def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
     """Return the scene with the values at these parameters or dotted keys replaced, or removed for None."""
     if not changes:
         return text
+    from symgen.scene.schema import Scene
+
     changes = by_name(text, changes)
     data = _as_written(text, changes)
     for key, value in changes.items():
@@ -194,12 +196,13 @@ def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
         *path, last = key.split(".")
         table: Any = data
         for depth, part in enumerate(path, 1):
-            if isinstance(table, dict) and part not in table and _may_be_absent(path[:depth]):
-                table[part] = {}
+            if isinstance(table, dict) and part not in table:
+                table |= _absent(path[:depth])
             table = _inside(table, part)
-        if isinstance(table, list) and _inside(table, last) is not None:
-            table[int(last)] = value
-        elif isinstance(table, dict) and (path or key in data or _is_table(key)):
+        more = isinstance(value, Mapping)
+        if isinstance(table, list) and last.isdecimal() and int(last) < len(table) + more:
+            table[int(last) : int(last) + 1] = [value]
+        elif isinstance(table, dict) and (path or key in data or key in Scene.model_fields):
             table[last] = value
         else:
             raise SceneError(
@@ -296,13 +299,6 @@ def by_name(text: SceneText, changes: Mapping[str, Any]) -> dict[str, Any]:
     return result
 
 
-def _is_table(key: str) -> bool:
-    """Return whether a key is a table of scenes, which may be set as a whole where a scene omits it."""
-    from symgen.scene.schema import Scene
-
-    return key in Scene.model_fields
-
-
 def _of_analysis(key: str) -> str:
     """Return how to set a key of the table [analysis] that was given without it; empty for other keys."""
     from symgen.scene.schema import Analysis
@@ -317,7 +313,9 @@ def _respelled(path: list[str], last: str, table: Any) -> str:
     """Return a hint for a key of an entry without its number, or of a table with another name; else empty."""
     from symgen.scene.schema import Scene
 
-    if isinstance(table, list) and table and not last.isdecimal():
+    if isinstance(table, list) and last.isdecimal():
+        return f"The next entry is {'.'.join([*path, str(len(table))])}={{...}}."
+    if isinstance(table, list) and table:
         return f"Did you mean {'.'.join([*path, '0', last])!r}? Entries are numbered from 0."
     if not path or path[0] in Scene.model_fields:
         return ""
@@ -325,14 +323,18 @@ def _respelled(path: list[str], last: str, table: Any) -> str:
     return hint if hint.startswith("Did") else ""
 
 
-def _may_be_absent(path: list[str]) -> bool:
-    """Return whether a scene may omit the table at a path, so that its keys can be set."""
-    if len(path) == 1:
-        return path[0] in _TABLES
+def _absent(path: list[str]) -> dict[str, Any]:
+    """Return an empty table or list by its key where a scene may omit it, so that its keys can be set."""
+    from symgen.loads import LOADS
     from symgen.scene.faults import table_at
     from symgen.scene.schema import Scene
 
-    return path[-1] in table_at(Scene, path).model_fields
+    if len(path) == 1:
+        is_list = (
+            path[0] in LOADS or getattr(Scene.model_fields.get(path[0]), "default_factory", None) is list
+        )
+        return {path[0]: {}} if path[0] in _TABLES else {path[0]: []} if is_list else {}
+    return {path[-1]: {}} if path[-1] in table_at(Scene, path).model_fields else {}
 
 
 def _inside(table: Any, part: str) -> Any:
@@ -385,8 +387,7 @@ def _depth(data: Any) -> int:
 
 
 def _identifier(stem: str) -> str:
-    stem = stem[:_LONGEST_NAME]
-    word = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in stem)
+    word = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in stem[:_LONGEST_NAME])
     return word if word[:1].isalpha() else f"scene_{word}"
 
 

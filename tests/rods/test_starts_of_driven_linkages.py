@@ -10,7 +10,7 @@ from shared.full import full
 from shared.linkages import circles
 
 import symgen
-from symgen.errors import InitialStateError
+from symgen.errors import InitialStateError, SceneError
 from symgen.runtime.rods import search
 
 #: Errors of positions [m] that rounding leaves, magnified near stretched dyads, where circles touch.
@@ -265,3 +265,26 @@ def test_redundant_linkages_and_free_ones_start(make, driven, count):
             along = found["T0"] - found["F0"]
             assert along @ direction == pytest.approx(np.hypot(*along) * np.hypot(*direction), abs=ROUNDING)
     assert failed <= max(1, 0.02 * count)  # of nearly flat triangles
+
+
+@pytest.mark.parametrize("angle", ["1.7", "2 + w*t"])
+def test_more_drives_than_freedoms_are_counted(angle):
+    drivers = [{"link": "crank", "angle": "w*t"}, {"link": "rocker", "angle": angle}]
+    data = {
+        "parameters": {"w": "1 rad/s"},
+        "points": {
+            "O": {"at": ["0 m", "0 m"], "ground": True},
+            "A": {"at": ["0.1 m", "0.2 m"]},
+            "B": {"at": ["0.5 m", "0.4 m"]},
+            "C": {"at": ["0.6 m", "0 m"], "ground": True},
+        },
+        "links": {
+            name: {"points": list(ends), "mass": "1 kg"}
+            for name, ends in (("crank", "OA"), ("coupler", "AB"), ("rocker", "BC"))
+        },
+    }
+    with pytest.raises(SceneError, match="has 1 freedom and 2 drives.* link crank, .* link rocker") as caught:
+        symgen.build(symgen.Scene(**data, drivers=drivers), backend="numpy").initial_state()
+    assert caught.value.where == "drivers.1"
+    one = symgen.build(symgen.Scene(**data, drivers=drivers[:1]), backend="numpy")
+    assert one.mobility[0] == "4 coordinates, 4 constraints (1 drive): 0 degrees of freedom at the start"

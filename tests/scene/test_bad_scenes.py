@@ -99,7 +99,7 @@ CASES = {
     "drives that do not go together": (
         "[analysis]",
         "[[drivers]]\nlink = \"OA\"\nangle = \"0.5\"\n[[drivers]]\nlink = \"BC\"\nangle = \"-1.2\"\n[analysis]",
-        ["[drivers] 1", "cannot be assembled", "angle by"],
+        ["[drivers] 1", "1 freedom and 2 drives", "the drive of link BC"],
     ),
     "negative inertia": (
         'AB = { points = ["A", "B"], mass',

@@ -235,3 +235,27 @@ def test_a_table_that_a_scene_omits_is_set_as_a_whole():
     assert override(read_scene("four_bar"), changes).data["torques"] == torques
     with pytest.raises(SceneError, match="no parameter and no key 'torqes'"):
         override(read_scene("four_bar"), {"torqes": torques})
+
+
+def test_the_next_number_appends_to_a_list_of_tables():
+    driver, text = {"link": "rocker", "angle": "1"}, read_scene("crank_rocker")
+    (first,) = text.data["drivers"]
+    assert override(text, {"drivers.1": driver}).data["drivers"] == [first, driver]
+    both = override(text, {"drivers.1": driver, "drivers.1.angle": "2", "forces.0": {"point": "B"}}).data
+    assert both["drivers"] == [first, driver | {"angle": "2"}]
+    assert both["forces"] == [{"point": "B"}]
+    for key, following in (("drivers.2", "drivers.1"), ("forces.1", "forces.0")):
+        with pytest.raises(SceneError, match=rf"no key '{key}' to set\n  The next entry is {following}="):
+            override(text, {key: driver})
+    with pytest.raises(SceneError, match="no key 'points.A.at.2'"):
+        override(text, {"points.A.at.2": "1 m"})
+
+
+def test_the_centre_of_a_rod_is_a_fraction_or_a_position():
+    rod = {"points": ["O", "A"], "mass": "1 kg", "centre": "0.2 m"}
+    points = {"O": {"at": ["0 m", "0 m"], "ground": True}, "A": {"at": ["1 m", "0 m"]}}
+    expected = (
+        r"centre: expected a fraction of the length, or a position as drawn, got '0.2 m', a length\n.*0.4"
+    )
+    with pytest.raises(SceneError, match=expected):
+        symgen.build(symgen.Scene(points=points, links={"rod": rod}))

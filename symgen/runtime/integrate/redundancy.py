@@ -110,6 +110,21 @@ def redundant_constraints(evaluator: Evaluator, q: Array) -> Redundancy:
     return found
 
 
+def overdriven(evaluator: Evaluator, q: Array) -> InitialStateError | None:
+    """Return the error for more drives than freedoms, of a linkage that they keep from its assembly at q."""
+    d = evaluator.description
+    drives, others = d.drives, len(d.constraints) - len(d.drives)
+    freedom = d.of_points - others + _dependent(evaluator, 0.0, q, drives)
+    if freedom >= len(drives):
+        return None
+    free = f"{freedom} freedom{'s' * (freedom != 1)}"
+    return InitialStateError(
+        f"the linkage has {free} and {len(drives)} drives, which contradict each other: "
+        f"{', '.join(d.labels[row] for row in drives)}\n  Remove a drive.",
+        where=d.place(drives[freedom]),
+    )
+
+
 def _separated(evaluator: Evaluator, q: Array, count: int) -> Redundancy:
     """Return ``count`` rows of vanishing pivots without which the others are independent; none if unclear."""
     least = max(_REDUNDANT, evaluator.description.rank_tolerance)

@@ -256,7 +256,8 @@ class Description(Described):
         """Numbers of coordinates and constraints, in words."""
         counts = {"coordinate": self.of_points, "constraint": len(self.constraints)}
         counts |= {"first-order state": len(self.states)} if self.states else {}
-        return ", ".join(f"{n} {word}{'s' * (n != 1)}" for word, n in counts.items())
+        drives = f" ({_count(len(self.drives), 'drive')})" if self.drives else ""
+        return ", ".join(_count(n, word) + drives * (word == "constraint") for word, n in counts.items())
 
     @property
     def shown_axes(self) -> tuple[str, ...]:
@@ -314,3 +315,7 @@ class Description(Described):
         """Return the key of the scene that drives a link."""
         driven = [self.constraints[i] for i in self.drives].index(f"{link}_drive")
         return "crank" if self.elastic and self.elastic.crank == link else f"drivers.{driven}"
+
+
+def _count(n: int, word: str) -> str:
+    return f"{n} {word}{'s' * (n != 1)}"

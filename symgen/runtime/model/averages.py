@@ -142,15 +142,16 @@ def _panels(result: Any, first: float, last: float) -> Array:
 
     Of a prescribed motion with switching points they are those of a run through it.
     """
-    model, verb, arguments = result.origin or (None, "", {})
+    origin: tuple[Any, str, dict[str, Any]] = result.origin or (None, "", {})
+    model, verb, arguments = origin
     same = {name: x for name, x in arguments.items() if name not in ("samples", "t_eval", "max_wall")}
     if model is None or verb != "simulate":
         if model is None or not getattr(model.description, "switches", ()):
             return np.linspace(first, last, _PANELS + 1)
         if first < 0.0:
             raise ResultError(
-                "means of prescribed motions with switching points are those of times from 0 on, at which runs "
-                f"start, got a range from {first:g} s"
+                "means of prescribed motions with switching points are those of times from 0 on, got a range "
+                f"from {first:g} s"
             )
         same = {"t_end": last, **({"state": arguments["state"]} if arguments.get("state") else {})}
     with noted_ends() as ends:

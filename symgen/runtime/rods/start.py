@@ -20,6 +20,7 @@ from symgen.runtime.integrate.redundancy import (
     assembly_tolerance,
     extent,
     not_positive,
+    overdriven,
     redundant_constraints,
 )
 from symgen.runtime.kernels.evaluate import Evaluator
@@ -182,7 +183,7 @@ def _assembled(evaluator: Evaluator, starter: Starter) -> Starter:
     if status == _start.UNASSEMBLED and closed is None:
         end = np.append(1.0, np.zeros(len(q) - 1))
         residual = evaluator.blocks("assembly", 0.0, starter.q, end)["assembly_residual"]
-        raise _unassembled(evaluator, starter.at, residual)
+        raise overdriven(evaluator, starter.q) or _unassembled(evaluator, starter.at, residual)
     return closed or starter
 
 

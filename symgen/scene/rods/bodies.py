@@ -236,7 +236,17 @@ def body(
         along, across = in_frame(drawn, squared, start, place)
         centre, offset = along * length, across * length
     elif link.centre is not None:
-        centre = read.value(link.centre, units.NUMBER, f"{where}.centre") * length
+        try:
+            centre = read.value(link.centre, units.NUMBER, f"{where}.centre") * length
+        except SceneError as error:
+            _, got, text = error.problem.partition(", got ")
+            if "a plain number" not in error.problem:
+                raise
+            raise SceneError(
+                f"expected a fraction of the length, or a position as drawn{got}{text}",
+                where=error.where,
+                hint='Write centre = 0.4, or centre = ["0.2 m", "0.1 m"].',
+            ) from None
     if isinstance(link.inertia, list):
         raise SceneError(
             "a rod, or a body in the plane, has one moment of inertia",

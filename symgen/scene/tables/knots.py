@@ -21,8 +21,8 @@ def check_rate(
 ) -> None:
     """Check that a function of the time has a continuous rate: at its jumps, and at the knots of its tables.
 
-    Knots behind the end of the run are left to analyses, which end with an error where they pass
-    a jump. Where the variable of a table is no multiple of the time, plus a constant, its own smoothness counts.
+    Knots behind the end of the run are left to analyses, which end with an error where they pass a jump.
+    Where the variable of a table is no multiple of the time, plus a constant, its own smoothness counts.
 
     Parameters
     ----------

@@ -231,7 +231,7 @@ def test_motions_without_means_say_why():
         "analysis": {"t_end": "1 s", "outputs": ["rod.torque"]},
     }
     model = symgen.build(symgen.Scene(**scene))
-    with pytest.raises(ResultError, match=r"of times from 0 on, .* got a range from -0.5 s"):
+    with pytest.raises(ResultError, match=r"of times from 0 on, got a range from -0.5 s"):
         model.inverse_dynamics(over="time", start=-0.5, stop=1.0).averages()
 
 
@@ -241,15 +241,15 @@ def test_a_rise_by_a_profile_and_a_torque_that_jumps(verb):
     begin, time, end = 0.123, 0.456, 1.0
     motion = f"profile.poly345((t - {begin}*T)/({time}*T))"
     names = ["arm.angular_velocity", "arm.angular_acceleration", "arm.torque"]
-    data = dict(
-        parameters={"T": "1 s", "M": "3 N*m"},
-        points={"O": {"at": ["0 m", "0 m"], "ground": True}, "B": {"at": ["0.5 m", "0 m"]}},
-        links={"arm": {"points": ["O", "B"], "mass": "0 kg"}},
-        masses=[{"point": "B", "mass": f"{MASS} kg"}],
-        torques=[{"link": "arm", "torque": "M*(1 + sign(t - 0.777*T))"}],
-        drivers=[{"link": "arm", "angle": motion}],
-        analysis={"t_end": f"{end} s", "outputs": names},
-    )
+    data = {
+        "parameters": {"T": "1 s", "M": "3 N*m"},
+        "points": {"O": {"at": ["0 m", "0 m"], "ground": True}, "B": {"at": ["0.5 m", "0 m"]}},
+        "links": {"arm": {"points": ["O", "B"], "mass": "0 kg"}},
+        "masses": [{"point": "B", "mass": f"{MASS} kg"}],
+        "torques": [{"link": "arm", "torque": "M*(1 + sign(t - 0.777*T))"}],
+        "drivers": [{"link": "arm", "angle": motion}],
+        "analysis": {"t_end": f"{end} s", "outputs": names},
+    }
     found = getattr(symgen.build(symgen.Scene(**data)), verb)(over="time", samples=7).averages(1e-10)
     if verb == "kinematics":
         names = ["arm.rate", "arm.acceleration"]
