@@ -8,6 +8,7 @@ from symgen.loads.bushing import ElasticBushing
 from symgen.loads.distributed_force import DistributedLoad
 from symgen.loads.force import AppliedForce
 from symgen.loads.load import Load
+from symgen.loads.output import SceneOutput
 from symgen.loads.spring import LinearSpring
 from symgen.loads.torque import AppliedTorque
 from symgen.loads.torsion_spring import AngularSpring
@@ -24,5 +25,6 @@ LOADS = Registry[type[Load]](
         "torsion_springs": AngularSpring,
         "bushings": ElasticBushing,
         "bearings": BearingFriction,
+        "outputs": SceneOutput,
     }
 )

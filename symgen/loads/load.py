@@ -96,6 +96,16 @@ class JointLaw:
 
 
 @dataclass(frozen=True, slots=True)
+class StatedOutput:
+    """An output by an expression, with the SI unit of its value and its meaning."""
+
+    name: str
+    unit: str
+    meaning: str
+    value: sp.Expr
+
+
+@dataclass(frozen=True, slots=True)
 class Load(ABC):
     """A load of a linkage: one entry of its table, with exact values in SI units.
 
@@ -107,6 +117,8 @@ class Load(ABC):
         The table of the scene.
     named
         Whether its quantities have names ``NOUN_NUMBER``, which links and parameters cannot have.
+    acts
+        Whether it acts on anything.
     drawn
         How pages draw a line between two points on which it acts.
     letters
@@ -119,6 +131,7 @@ class Load(ABC):
     plural: ClassVar[str]
     schema: ClassVar[type[Table]]
     named: ClassVar[bool] = True
+    acts: ClassVar[bool] = True
     drawn: ClassVar[Literal["spring", "actuator"]] = "actuator"
     letters: ClassVar[Mapping[str, Letter]] = {}
     keys: ClassVar[Mapping[str, str]] = {}
@@ -139,6 +152,11 @@ class Load(ABC):
     @abstractmethod
     def terms(self, dimension: int) -> Iterator[LoadTerm]:
         """Yield the measures on which the load acts, with energy and force, in 2 or 3 dimensions."""
+
+    @property
+    def stated(self) -> StatedOutput | None:
+        """The output that it is, instead of acting on something; None of loads."""
+        return None
 
     @property
     def of_joint(self) -> JointLaw | None:

@@ -79,7 +79,8 @@ def structure(linkage: Linkage) -> Iterator[str]:
     elif linkage.leaves_plane:
         yield f"derived in space: {linkage.leaves_plane}"
     absent = [phrase for field, phrase in _MASSES.items() if not any(getattr(linkage, field))]
-    absent += [k.plural for k in LOADS.values() if not any(isinstance(load, k) for load in linkage.loads)]
+    given = {type(load) for load in linkage.loads}
+    absent += [k.plural for k in LOADS.values() if k.acts and k not in given]
     absent += [phrase for field, phrase in _OTHERS.items() if not getattr(linkage, field)]
     if linkage.as_written.dimension == 2:
         absent.insert(0, "the third axis")

@@ -155,7 +155,9 @@ def build_kinematics(
         return build_selected(text or scene, set=set, backend=backend)
     changes, analysis = dict(set or {}), text.data.get("analysis", {})
     if isinstance(analysis, dict) and changes.pop("analysis.kind", analysis.get("kind")) != "kinematics":
-        alone = {"kind": "kinematics", "outputs": []}
+        stated = text.data.get("outputs", ())
+        names = [x["name"] for x in stated if isinstance(x, dict) and "name" in x]
+        alone = {"kind": "kinematics", "outputs": names}
         text = replace(text, data={**text.data, "analysis": {**analysis, **alone}})
     return build_selected(text, set=changes, backend=backend)
 

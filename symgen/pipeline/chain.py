@@ -108,7 +108,7 @@ def _chain(linkage: Linkage) -> ChainOfScene:
 
 def _foreign(linkage: Linkage) -> Iterator[str]:
     """Yield the keys of the entries that a chain does not have."""
-    yield from (table for table, _, _ in linkage.placed_loads)
+    yield from (table for table, _, load in linkage.placed_loads if load.acts)
     for key in ("guides", "drivers", "motions", "hinges", "elastic", "events", "switches", "windings"):
         if getattr(linkage, key):
             yield key

@@ -34,6 +34,11 @@ def check_names(scene: Scene) -> None:
         _refuse(_word(name) or _quantity(name, scene) or twice, f"inputs.{name}")
     for name in scene.states:
         _refuse(_word(name) or _quantity(name, scene) or _state(name, scene), f"states.{name}")
+    outputs = getattr(scene, "outputs", ())
+    for i, output in enumerate(outputs):
+        known = [*scene.states, *(x.name for x in outputs[:i])]
+        twice = f"{output.name!r} is a state or an output already" if output.name in known else ""
+        _refuse(twice or _quantity(output.name, scene) or _state(output.name, scene), f"outputs.{i}.name")
     for name in scene.tables:
         kind = "a parameter" if name in scene.parameters else "an input" if name in scene.inputs else ""
         _refuse(_word(name) or (kind and f"{name!r} is {kind} already"), f"tables.{name}")

@@ -89,7 +89,7 @@ def state(model, dimension):
 
 
 def test_every_kind_is_tried():
-    assert set(LOADED) == set(LOADS)
+    assert set(LOADED) == {table for table, kind in LOADS.items() if kind.acts}
     for table, kind in LOADS.items():
         assert kind.noun and kind.plural and kind.schema.__doc__, table
 

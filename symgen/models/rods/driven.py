@@ -11,12 +11,14 @@ from symgen.models.rods.start import assembly_exports
 from symgen.models.rods.system import (
     constraints,
     definitions,
+    events_kernel,
     groups,
     kinematic_exports,
     places,
     run_end,
     run_end_kernel,
     switches_of,
+    windings_of,
 )
 from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.system import Export, System
@@ -38,7 +40,8 @@ def driven_system(linkage: Linkage) -> System:
     start, start_kernels = assembly_exports(model)
     moved, following = driven_motion(model)
     limits, kernel_of_limits = limits_of(linkage)
-    derived, end, switches = [*constraints(model), *places(model)], run_end(model), switches_of(model)
+    derived, end = [*constraints(model), *places(model)], run_end(model)
+    events = [*switches_of(model), *windings_of(model)]
     # A requested driven angle is that of its drive, which counts revolutions.
     names = {m.name for m in (*derived, *moved)}
     exports = [
@@ -46,7 +49,7 @@ def driven_system(linkage: Linkage) -> System:
         Export("outputs", "outputs of the scene", tuple(m.name for m in requested)),
         *start_kernels,
         *following,
-        *(Export("events", "switching points", (m.name,)) for m in switches),
+        *events_kernel(events),
         *run_end_kernel(end),
         *kernel_of_limits,
     ]
@@ -59,7 +62,7 @@ def driven_system(linkage: Linkage) -> System:
             *(m for m in requested if m.name not in names),
             *start,
             *moved,
-            *switches,
+            *events,
             *end,
             *limits,
         ),

@@ -7,7 +7,7 @@ from functools import cached_property, partial
 
 import sympy as sp
 
-from symgen.loads.load import Load
+from symgen.loads.load import Load, StatedOutput
 from symgen.loads.measure import (
     RATE,
     VALUE,
@@ -216,6 +216,9 @@ class Loads:
         """Outputs of all loads by name, each to be derived; vectors are on fixed axes."""
         known: dict[str, Callable[[], Entries]] = {}
         for table, number, load in self.linkage.placed_loads:
+            if load.stated:
+                known[load.stated.name] = partial(self._stated, load.stated)
+                continue
             terms = [*load.terms(len(self.model.axes))]
             owner, named = f"{table}.{number}", f"{load.noun} {number}"
             for on in (t.on for t in terms if t.on.extent):
@@ -227,6 +230,9 @@ class Loads:
                 about = f"power that {named} dissipates"
                 known[f"{owner}.dissipated_power"] = partial(self._power, self.dissipated, load, about)
         return known
+
+    def _stated(self, output: StatedOutput) -> Entries:
+        return self.with_state([output.value]), output.unit, output.meaning
 
     def _extent(self, on: Measure, named: str) -> Entries:
         extent = on.observed(self, (VALUE + on.slack_extent,))

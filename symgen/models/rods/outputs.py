@@ -128,11 +128,8 @@ def _across_and_along(model: RodsModel, first: str, vertex: str, second: str) ->
 
 def _angle_at(model: RodsModel, *corner: str) -> Entries:
     first, vertex, second = corner
-    return (
-        [sp.atan2(*_across_and_along(model, *corner))],
-        "rad",
-        f"angle at {vertex} from {first} to {second}",
-    )
+    about = f"angle at {vertex} from {first} to {second}"
+    return [sp.atan2(*_across_and_along(model, *corner))], "rad", about
 
 
 def _transmission_angle(model: RodsModel, *corner: str) -> Entries:
@@ -142,9 +139,8 @@ def _transmission_angle(model: RodsModel, *corner: str) -> Entries:
 
 
 def _force(model: RodsModel, link: str, point: str) -> Entries:
-    force = model.shown(model.joint_forces.on(link, point))
-    about = f"force on {link} at {point} from joined components"
-    return force, "N", about + _WITHOUT_TEETH * model.joint_forces.bears_teeth(link, point)
+    force, about = model.joint_forces.on(link, point), f"force on {link} at {point} from joined components"
+    return model.shown(force), "N", about + _WITHOUT_TEETH * model.joint_forces.bears_teeth(link, point)
 
 
 def _of_drive(word: str, model: RodsModel, name: str) -> Entries:
@@ -175,12 +171,11 @@ def mesh_torque(model: RodsModel, pair: GearPair) -> sp.Expr:
 
 def _of_gears(model: RodsModel) -> dict[str, Callable[[], Entries]]:
     """Return the torques of gears, each to be derived."""
-    pairs = enumerate(model.linkage.gears)
-    return {f"gears.{i}.torque": partial(_gear_torque, model, i, pair) for i, pair in pairs}
 
+    def torque(number: int, pair: GearPair) -> Entries:
+        return [mesh_torque(model, pair)], "N*m", f"torque of gears {number} on {pair.links[0]}"
 
-def _gear_torque(model: RodsModel, number: int, pair: GearPair) -> Entries:
-    return [mesh_torque(model, pair)], "N*m", f"torque of gears {number} on {pair.links[0]}"
+    return {f"gears.{i}.torque": partial(torque, i, x) for i, x in enumerate(model.linkage.gears)}
 
 
 #: Outputs of a point, of a link, of a point of a link, and of the whole linkage, by word.
@@ -314,6 +309,7 @@ def requested_outputs(model: RodsModel) -> list[NamedMatrix]:
                 for word in ("position", "velocity")
             ),
             *(() if model.linkage.kinematic else ("energy",)),
+            *model.linkage.scene_outputs,
         )
     matrices = []
     for i, name in enumerate(names):
@@ -345,6 +341,10 @@ def _entries(model: RodsModel, name: str) -> Entries:
     own = model.own_output(name)
     if own is not None:
         return own
+    if name in model.loads.outputs and "." not in name:
+        if name in OF_THE_WHOLE:
+            raise SceneError(f"{name!r} of [[outputs]] has a meaning already", hint="Choose another name.")
+        return model.loads.outputs[name]()
     owner, _, word = name.rpartition(".")
     rigid = not model.linkage.elastic  # loads and drives of others follow the deformed links
     of_loads = {**model.loads.outputs, **_of_gears(model)} if rigid else {}
@@ -367,9 +367,8 @@ def _entries(model: RodsModel, name: str) -> Entries:
             if f.endswith((".force", ".torque"))
             if any(str(s) == word for e in derived()[0] for s in e.free_symbols)
         ]
-        words = (
-            OF_POINTS if word in model.points else OF_LINKS if word in (k.name for k in model.parts) else ()
-        )
+        called = [k.name for k in model.parts]
+        words = OF_POINTS if word in model.points else OF_LINKS if word in called else ()
         hint = nearest(name, [*OF_THE_WHOLE, *(f"{word}.{w}" for w in words)])
         if owners:
             hint = f"It belongs to a point or link: {', '.join(owners)}."

@@ -48,18 +48,20 @@ def linkage_system(linkage: Linkage) -> System:
     points, end = _points(model), run_end(model)
     limits, kernel_of_limits = limits_of(linkage)
     # Zero-crossing functions of events and load switches, and angles: one column each.
-    events = [*_events_of_scene(model), *switches_of(model), *_windings(model), *_turns(model)]
+    events = [*_events_of_scene(model), *switches_of(model), *windings_of(model), *_turns(model)]
     turning = _winding_rates(model)
     derived = {m.name for m in (*equations, *points)}
     own = {m.name for m in (*start, *residual, *events, *turning, *end, *limits)} | {
         *outputs.OF_THE_WHOLE,
         *_DIMENSIONS,
     }
-    for state in linkage.states:
-        if state.name in derived | own:
+    named = {s.name: f"states.{s.name}" for s in linkage.states}
+    named |= {name: f"outputs.{i}.name" for i, name in enumerate(linkage.scene_outputs)}
+    for name, where in named.items():
+        if name in derived | own:
             raise SceneError(
-                f"{state.name!r} is reserved for a quantity of the linkage",
-                where=f"states.{state.name}",
+                f"{name!r} is reserved for a quantity of the linkage",
+                where=where,
                 hint="Choose another name.",
             )
     return System(
@@ -82,7 +84,7 @@ def linkage_system(linkage: Linkage) -> System:
             Export("outputs", "outputs of the scene", tuple(m.name for m in requested)),
             *start_kernels,
             *refining,
-            *_events_kernel(events),
+            *events_kernel(events),
             *(Export(m.name, m.description, (m.name,)) for m in turning),
             *run_end_kernel(end),
             *kernel_of_limits,
@@ -265,12 +267,13 @@ def _points(model: RodsModel) -> list[NamedMatrix]:
     return positions
 
 
-def _windings(model: RodsModel) -> list[NamedMatrix]:
+def windings_of(model: RodsModel) -> list[NamedMatrix]:
+    """Return the angles in loads and outputs that count revolutions, one matrix if there are any."""
     windings = model.linkage.windings
     if not windings:
         return []
     angles = [model.loads.angle(w.link, w.against, w.free) for w in windings]
-    about = "angles in loads, continuous over revolutions"
+    about = "angles in loads and outputs, continuous over revolutions"
     return [named(model, "windings", angles, "rad", about, rows=[w.reference.name for w in windings])]
 
 
@@ -318,7 +321,8 @@ def _events_of_scene(model: RodsModel) -> list[NamedMatrix]:
     return [named(model, "events", gaps, unit, about, rows=[e.name for e in events])]
 
 
-def _events_kernel(events: list[NamedMatrix]) -> list[Export]:
+def events_kernel(events: list[NamedMatrix]) -> list[Export]:
+    """Return the kernel of what passes zero in a run, if anything does."""
     about = "what passes zero at each event, and at each switching point of a load; angles of loads and links"
     return [Export("events", about, tuple(m.name for m in events))] if events else []
 

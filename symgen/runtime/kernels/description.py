@@ -198,6 +198,7 @@ class Description(Described):
     plane: PlaneInfo | None = None
     kinematic: bool = False
     selects: bool = False
+    scene_outputs: tuple[str, ...] = ()
     elastic: ElasticInfo | None = None
     events: tuple[EventInfo, ...] = ()
     windings: int = 0

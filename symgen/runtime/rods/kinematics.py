@@ -84,9 +84,9 @@ class Followed:
 
 
 def analyse(
-    constraints: Constraints, q: Array, t: float, instants: Instants, through: bool, of: Sequence[str] | None
+    constraints: Constraints, begin: State, instants: Instants, through: bool, of: Sequence[str] | None
 ) -> Motion:
-    """Follow the linkage from the pose q at the time t over a range, and return its motion.
+    """Follow the linkage from a state over a range, and return its motion.
 
     Raises
     ------
@@ -103,6 +103,7 @@ def analyse(
         raise ModelError(f"expected between 2 and 1 million points, got {instants.samples}")
     if through and instants.at is not None:
         raise OptionsError("give {at} or {through}, not both: values are evaluated on one assembly branch")
+    q, t = begin.q, begin.t
     driven(constraints, q, t)
     times = instants.times(constraints.description.name, constraints.driving)
     followed = follow(constraints, q, t, instants, times, through)
@@ -114,6 +115,8 @@ def analyse(
             f"{f': {where}' if where else ''}\n  Choose another range, or another assembly to start from."
         )
     samples, near = followed.samples, followed.near
+    if constraints.description.scene_outputs:
+        samples = with_references(constraints, followed, begin)
     if instants.at is not None:
         order = order_of(followed, times, shown)
         samples, near = samples[order], near[order]

@@ -61,19 +61,23 @@ def chosen_names(constraints: Constraints, of: Sequence[str] | None) -> dict[str
     ]
     links = {k: points for k, points in d.links.items() if k not in internal}
     turning = [k for k, points in links.items() if not set(points[:2]) <= set(d.ground)]
-    if of is None and (d.rates or (d.kinematic and d.kernel("outputs"))):
+    requested = d.kernel("outputs")
+    listed = requested and {b.name for b in requested.blocks} - {*d.scene_outputs}
+    if of is None and (d.rates or (d.kinematic and listed)):
         return {}  # the outputs that the scene, or the user's system, selects
     plane = turning if len(d.axes) == 2 else []
-    known = [*d.points, *plane]
+    known = [*d.points, *plane, *d.scene_outputs]
 
     def recorded_of(name: str) -> tuple[str, ...]:
         corner = name.split(".")
+        if name in d.scene_outputs:
+            return (name,)
         if name in known:
             return _OF_POINT if name in d.points else _OF_LINK
         return _OF_CORNER if len(set(corner)) == len(corner) == 3 and set(corner) <= set(d.points) else ()
 
     by_owner: dict[str, tuple[str, ...]] = {}
-    for name in [*moving, *plane] if of is None else of:
+    for name in [*moving, *plane, *d.scene_outputs] if of is None else of:
         whole, _, output = name.rpartition(".")
         if recorded_of(name):
             by_owner[name] = recorded_of(name)
@@ -116,6 +120,9 @@ def recorded(
     used_names = {x.name for x in variables}
     if not chosen and (d.kinematic or d.rates):
         variables += [x for x in _requested(constraints, samples, along) if x.name not in used_names]
+    if {*chosen} & {*d.scene_outputs}:
+        outputs = shaped(evaluator.info("outputs"), samples.many(evaluator, "outputs"))
+        variables += [x for x in outputs if x.name in d.scene_outputs and x.name in chosen]
     turning = constraints.turning(samples) if {*chosen} & {*d.links} else {}
     variables += [x for x in of_names(d, chosen, along.counted, turning, r, v, a) if x.name not in used_names]
     coordinate, variables = coordinate_of(
@@ -158,8 +165,9 @@ def coordinate_of(
 
 def _requested(constraints: Constraints, samples: Poses, along: CurvePositions) -> list[Variable]:
     """Return the outputs of the scene."""
-    states = samples.times, samples.q, samples.u, samples.accelerations
-    variables = shaped(constraints.evaluator.info("outputs"), constraints.evaluator.many("outputs", *states))
+    evaluator = constraints.evaluator
+    rows = samples.many(evaluator, "outputs", samples.accelerations)
+    variables = shaped(evaluator.info("outputs"), rows)
     angles = {f"{link}.angle": link for link in constraints.description.links}
     return [
         replace(x, values=along.counted(angles[x.name], x.values)) if x.name in angles else x
@@ -181,6 +189,8 @@ def of_names(
     ``turning`` are angular velocity and acceleration of links, (samples,) each.
     """
     for name, words in chosen.items():
+        if name in d.scene_outputs:
+            continue
         if name in d.points:
             variables = _of_point(d.points.index(name), name, d.axes, r, v, a)
         elif name in d.links:

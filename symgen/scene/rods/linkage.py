@@ -352,6 +352,12 @@ class Linkage:
         return kind if self.elastic and not self.kinematic else "rods"
 
     @property
+    def scene_outputs(self) -> tuple[str, ...]:
+        """Names of the recorded outputs that the scene states by expressions."""
+        names = (load.stated.name for load in self.loads if load.stated)
+        return tuple(name for name in names if self.outputs is None or name in self.outputs)
+
+    @property
     def placed_loads(self) -> Iterator[tuple[str, int, Load]]:
         """Every load after its table in the scene and its number there, in the order of ``LOADS``."""
         for table, kind in LOADS.items():

@@ -58,7 +58,11 @@ def with_inertias(links: Iterable[RigidLink], masses: Sequence[PlacedMass]) -> I
 
 
 def loads(read: Reader) -> Iterator[Load]:
-    """Yield the loads of all kinds, kind by kind."""
+    """Yield the loads of all kinds, kind by kind; raise SceneError for outputs of elastic links."""
+    if getattr(read.scene, "outputs", ()) and any(
+        link.elastic is not None for link in read.scene.links.values()
+    ):
+        raise SceneError("outputs by expressions are for linkages with rigid links", where="outputs.0")
     for table, kind in LOADS.items():
         for i, written in enumerate(getattr(read.scene, table)):
             yield kind.read(read, written, kind.numbered(i), f"{table}.{i}")

@@ -95,7 +95,8 @@ def _of_loads(scene: Scene, linkage: Linkage) -> Iterator[str]:
     crank = linkage.crank
     turned = crank is not None and (crank.speed != 0 or crank.torque != 0)
     driven = moved or turned or linkage.kinematic
-    if scene.gravity is None and not linkage.loads and not driven:
+    loaded = any(load.acts for load in linkage.loads)
+    if scene.gravity is None and not loaded and not driven:
         yield (
             "the scene has no gravity and no load; a gravity whose acceleration is written as zero says that "
             "none is meant"

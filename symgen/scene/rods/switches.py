@@ -36,6 +36,8 @@ def with_switches(linkage: Linkage) -> Linkage:
             linkage,
             loads=tuple(
                 load.with_expressions(partial(switches.with_branches, _place(table, i), this=load.name))
+                if load.acts
+                else load
                 for table, i, load in linkage.placed_loads
             ),
             states=tuple(
@@ -136,7 +138,7 @@ def loads_of(linkage: Linkage) -> Iterator[tuple[str, Vector, str]]:
     Rates of first-order states are behind them.
     """
     for table, i, load in linkage.placed_loads:
-        if load.expressions:
+        if load.acts and load.expressions:
             yield _place(table, i), load.expressions, load.name
     for state in linkage.states:
         yield f"[states] {state.name}", (state.rate,), ""

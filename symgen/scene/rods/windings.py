@@ -18,15 +18,15 @@ _ZERO = sp.Integer(0)
 
 
 def with_windings(linkage: Linkage) -> Linkage:
-    """Return a linkage with a reference for every angle in its loads, its torsion springs included.
+    """Return a linkage with a reference for every angle in its loads and outputs, of torsion springs too.
 
     At 0, the value of the parameter that is added, an angle lies between -pi and pi. Those that it had are
-    omitted first. Kinematics have no runs that move a reference, and in space no link has one angle.
+    omitted first. Kinematics have no loads, and in space no link has one angle.
     """
     old = {w.reference for w in linkage.windings}
     constants = tuple(p for p in linkage.parameters if p.quantity not in old)
     linkage = replace(linkage, parameters=constants, windings=())
-    if linkage.kinematic or len(linkage.axes) == 3:
+    if len(linkage.axes) == 3:
         return linkage
     used_names = {p.quantity.name for p in linkage.parameters}
     names = (name for name in map("turned_{}".format, count()) if name not in used_names)
@@ -50,11 +50,14 @@ def turning(linkage: Linkage) -> tuple[str, ...]:
 
 
 def _angles(linkage: Linkage) -> Iterator[tuple[str, str, sp.Expr]]:
-    for measure in (m for load in linkage.loads for m in load.measures(len(linkage.axes))):
+    acting = [] if linkage.kinematic else [load for load in linkage.loads if load.acts]
+    for measure in (m for load in acting for m in load.measures(len(linkage.axes))):
         if isinstance(measure, Angle):
             yield measure.link, measure.against, measure.free
-    motor = [(linkage.crank.torque,)] if linkage.crank else []
-    for expressions in (*(e for _, e, _ in loads_of(linkage)), *motor):
+    motor = [(linkage.crank.torque,)] if linkage.crank and not linkage.kinematic else []
+    loads = () if linkage.kinematic else loads_of(linkage)
+    stated = (load.expressions for load in linkage.loads if not load.acts)
+    for expressions in (*(e for _, e, _ in loads), *motor, *stated):
         for symbol in (s for e in expressions for s in state_of(e)):
             owner, _, word = str(symbol.name).rpartition(".")
             if word == "angle":

@@ -298,7 +298,7 @@ def driven_runs(
         return None
     if with_forces and len(d.axes) > 2:  # those of the equations of motion
         return None
-    if d.rates:  # a user's outputs are not recorded in lanes
+    if d.rates or d.scene_outputs:  # outputs by expressions are not recorded in lanes
         return None
     if d.coordinates > LARGE or not fits_lanes(d):
         return None

@@ -247,7 +247,7 @@ class LinkageModel(Model):
 
         begin = self.initial_state() if request.state is None else request.state
         poses = request.instants(self.description.t_end)
-        return analyse(self.constraints(), begin.q, begin.t, poses, request.through, request.of)
+        return analyse(self.constraints(), begin, poses, request.through, request.of)
 
     def _compiled_runs(self, runs: Runs, first: Any) -> CompiledRuns | str:
         from symgen.runtime.rods.many.compiled import compiled_runs
