@@ -879,7 +879,8 @@ cdef class Run:
         if not (at.of.api.real_bytes == sizeof(double) and at.core.sizes.parameters == of.parameters
                 and at.core.sizes.derived == of.derived):
             raise ValueError("expected equations of the same model in doubles")
-        _fits(numbers, 1, self.equations.n, self.dim - self.equations.n, of.parameters + of.derived + 1, at.n + at.m, numbers[5])
+        _fits(numbers, 1, self.equations.n, self.dim - self.equations.n, of.parameters + of.derived + 1,
+              at.n + at.m + at.core.sizes.couples, numbers[5])
         self.of.api.run_record(self.core)
         memcpy(at.core.p, self.equations.core.p, (of.parameters + of.derived + 1) * sizeof(double))
         if numbers[4]:

@@ -228,6 +228,10 @@ def test_many_runs_a_stepper_and_explicit_methods_are_the_same_run():
     for i, run in enumerate(alone.values()):
         for name in ("rod.angle", "bearings.0.torque"):
             assert both[name].values[i] == pytest.approx(run[name].values, abs=1e-13)
+        stepper = model.with_parameters(mu=[0.1, 0.3][i]).stepper(step=1e-3)
+        stepper.step(0.4)
+        for name in ("rod.angle", "bearings.0.torque", "rod.O.force"):
+            assert np.ravel(stepper[name]) == pytest.approx(np.ravel(run[name].values[-1]), abs=1e-11)
     assert alone[0.1].time[-1] == 0.4
     assert abs(alone[0.1]["rod.angle"].values[-1] - alone[0.3]["rod.angle"].values[-1]) > 1e-3
     rk4 = symgen.build(scene).simulate(t_end=0.4, method="rk4", step=1e-4, samples=3)

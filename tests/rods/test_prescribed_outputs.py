@@ -97,6 +97,10 @@ def test_slider_by_a_torque_on_its_crank():
     assert np.asarray(run["torques.0.power"]) == pytest.approx(power, abs=1e-13)
     assert run.drift.energy < 1e-10 * run.drift.energy_exchanged
     assert run.drift.constraint < 1e-13
+    stepper = model.stepper(rtol=1e-12)
+    stepper.step(3.0)
+    for name in ("torques.0.torque", "energy", "rod.A.force"):
+        assert np.ravel(stepper[name]) == pytest.approx(np.ravel(found[name].values[-1]), abs=1e-9)
     # The guide pushes across the rail: of the reactions along it nothing is left.
     pushed = np.asarray(run["R.reaction"])[:, 0]
     assert pushed == pytest.approx(0.0, abs=1e-12)
