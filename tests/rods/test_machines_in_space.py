@@ -187,8 +187,10 @@ def test_double_wishbone():
     found = at_times("double_wishbone", times)
     for n, t in enumerate(times):
         p, _ = moved(solved(jack(mp.mpf(t))[0]))
-        for name in "WN":
-            assert found[f"{name}.position"].values[n] == pytest.approx(p[name].astype(float), abs=1e-11)
+        assert found["W.position"].values[n] == pytest.approx(p["W"].astype(float), abs=1e-11)
+        x, y, z = p["N"] - p["W"]
+        assert found["camber"].values[n] == pytest.approx(float(-mp.atan2(z, y)), abs=1e-10)
+        assert found["toe"].values[n] == pytest.approx(float(mp.atan2(x, y)), abs=1e-10)
         (thrust,) = efforts(places, jack, masses, t, force)
         assert -found["jack.tension"].values[n] == pytest.approx(thrust, rel=1e-8)
 
