@@ -48,8 +48,7 @@ def print_result(result: Result, model: Any, console: Console) -> None:
     if result.variables:
         print_recorded(result, console)
     d = model.description
-    free = d.of_points - len(d.constraints) + len(model.redundant)
-    console.print(run_table(result, [("freedoms (drives)", f"{free} ({len(d.drives)})")]))
+    console.print(run_table(result, [("freedoms (drives)", f"{d.freedom} ({len(d.prescribed)})")]))
     if result.events:
         console.print(events_table(result))
     print_notes(result.notes, console)

@@ -37,6 +37,7 @@ def test_machines_are_listed_copied_and_run_by_name(tmp_path):
     file = tmp_path / "mine.toml"
     assert invoke("new", str(file), "--from", "excavator").exit_code == 0
     assert file.read_text(encoding="utf-8") == (MACHINES / "excavator.toml").read_text(encoding="utf-8")
+    assert "12 constraints (1 drive)" in invoke("build", "double_wishbone").output  # a length by the time
     assert read_scene("excavator").name == "excavator" and "excavator" not in shipped_scenes()
 
 

@@ -257,7 +257,7 @@ class Description(Described):
         """Numbers of coordinates and constraints, in words."""
         counts = {"coordinate": self.of_points, "constraint": len(self.constraints)}
         counts |= {"first-order state": len(self.states)} if self.states else {}
-        drives = f" ({_count(len(self.drives), 'drive')})" if self.drives else ""
+        drives = f" ({_count(len(self.prescribed), 'drive')})" if self.prescribed else ""
         return ", ".join(_count(n, word) + drives * (word == "constraint") for word, n in counts.items())
 
     @property
