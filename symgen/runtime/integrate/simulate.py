@@ -236,7 +236,8 @@ def drive(
     ``max_wall`` is spent. A resumed run continues from its checkpoint; an interrupt, such as Ctrl-C, leaves
     one.
     """
-    pace = pace or Pace(stepper.t, chosen.t_end, first=_SMALL // max(stepper.dim, 1))
+    first = 0 if checkpoints else _SMALL // max(stepper.dim, 1)
+    pace = pace or Pace(stepper.t, chosen.t_end, first=first)
     spent = checkpoints.spent if checkpoints else 0.0
     try:
         status = _driven(stepper, t0, chosen, progress, checkpoints, pace, control)
