@@ -153,13 +153,16 @@ def _of_poses(model: LoopModel, equations: Any, t_end: float) -> tuple[ConstantA
 def _of_run(model: LoopModel, equations: Any, t0: float, start: Any) -> tuple[ConstantArray, ...]:
     d = model.description
     n = d.coordinates
-    derivative, ends, t, last = expected_of_run(equations, t0, start, min(d.t_end, COMPARED))
+    derivative, ends, t, last = expected_of_run(
+        equations, t0, start, min(d.t_end, COMPARED), switches=len(d.switches)
+    )
     tables = (derivative, ends, doubles("STATE", last))
     info = d.kernel("outputs")
     if info is None:
         return tables
     out, work = np.zeros(info.out_size), np.zeros(model.kernels.work_size + 1)
     work[: n + 6] = equations.solutions(np.array([t]), np.append(last, 0.0)[None, :])[0, : n + 6]
-    address, p = model.kernels.library.addresses["outputs"], model.kernels.parameters
+    address = model.kernels.library.addresses["outputs"]
+    p = model.kernels.at(equations.parameters).parameters
     _core.call(address, d.sizes_of("outputs"), np.array([t]), last, last[n:].copy(), p, work, out)
     return (*tables, doubles("OUTPUTS", out))

@@ -138,7 +138,7 @@ def _expected(model: RodModel, start: Any, method: Integrator) -> tuple[tuple[Co
     equations = model.evaluator.equations(len(redundant), slack(model.evaluator, q) if redundant else np.inf)
     until = min(d.t_end, COMPARED)
     events = [e.direction for e in d.events], effects_of(d.events)
-    expected = expected_of_run(equations, 0.0, start, until, *events, method=method)
+    expected = expected_of_run(equations, 0.0, start, until, *events, method=method, switches=len(d.switches))
     derivative, ends, t, last = expected
     tables = (derivative, ends, doubles("STATE", last))
     if not _compares(d):
@@ -163,6 +163,7 @@ def expected_of_run(
     directions: Sequence[int] = (),
     terminal: Sequence[int] = (),
     method: Integrator = INTEGRATORS["dop853"],
+    switches: int = 0,
 ) -> tuple[ConstantArray, ConstantArray, float, Any]:
     """Return the initial derivative and the final values of a run as tables, with final time and state."""
     derivative = equations.derivative(t0, np.append(start, 0.0))
@@ -183,6 +184,10 @@ def expected_of_run(
     while status == _core.MORE:
         status = run.advance(1000)
     ends = doubles("ENDS", [status, run.t, run.steps, run.rejected])
+    if switches:  # of a finished run the loads switch by the state again, as in C
+        parameters = equations.parameters
+        parameters[-switches:] = 0.0
+        equations.set_parameters(parameters)
     return doubles("DERIVATIVE", derivative), ends, run.t, run.state
 
 
