@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from symgen.errors import ModelError, SceneError, check_known
+from symgen.errors import OptionsError, SceneError, check_known
 from symgen.models.linearisation import (
     linearisation_system,
     sensitivity_system,
@@ -98,7 +98,7 @@ def analysis_system(mechanism: Any, kind: str) -> System:
     known: dict[str, Callable[[Any], System]] = {**ANALYSES, **OF_LOOPS}
     check_known(kind, known, "there is no analysis")
     if kind in _BY_SLOPES and any(load.of_joint for load in mechanism.loads):
-        raise ModelError(
+        raise OptionsError(
             f"{mechanism.name}: friction of bearings follows from the forces in them, and implicit methods, "
             "derivatives along runs and those of frequencies do not have its slopes\n"
             "  Linear models and derivatives at a state do: give {at}."

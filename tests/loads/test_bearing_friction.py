@@ -323,7 +323,7 @@ def test_methods_without_it_are_refused(method):
 
 
 def test_analyses_without_it_are_refused(tmp_path):
-    with pytest.raises(ModelError, match="derivatives along runs and those of frequencies do not have its"):
+    with pytest.raises(ModelError, match="derivatives at a state do: give at\\."):
         tuned().sensitivity(["rod.angle"], ["mu"], t_end=0.1)
     with pytest.raises(ModelError, match="derivatives along runs and those of frequencies do not have its"):
         tuned().sensitivity(["frequencies"], ["mu"], at=tuned().equilibrium())

@@ -376,6 +376,17 @@ def test_motion_that_leaves_a_freedom_to_the_forces():
     assert run.drift.energy < 1e-9 * run.drift.energy_exchanged
 
 
+def test_a_run_that_comes_to_a_dead_point_names_it():
+    """A level pole does not turn by a push of its pin along it, whatever the acceleration of the cart."""
+    scene = pushed_pole(motions=[{"of": "pole.angle", "value": "first - swing*sin(w*t)"}])
+    scene["parameters"] |= {"first": "0.5 rad", "swing": "1 rad"}
+    scene["points"]["P"] = at(0.5 * np.cos(0.5), 0.5 * np.sin(0.5))
+    scene["analysis"]["t_end"] = "1 s"
+    with pytest.raises(SimulationError, match=r"actuators.0 cannot move pole.angle there") as error:
+        symgen.build(symgen.Scene(**scene)).simulate()
+    assert error.value.time == pytest.approx(np.arcsin(0.5) / 2, abs=1e-3)
+
+
 def turned_arms(place):
     """Return the angles of the arms of a delta robot from its drawing: circles about the motors meet spheres about the tool."""
     found = []
@@ -427,9 +438,19 @@ def test_tool_of_a_delta_robot_by_its_motors():
 
 def test_what_motions_cannot_have_is_refused(tmp_path):
     model = symgen.build(symgen.Scene(**slider_crank()))
-    for verb in ("equilibrium", "linearise", "sensitivity"):
+    turned = symgen.build(
+        symgen.Scene(
+            **slider_crank(motions=[{"of": "crank.angle", "value": "w*t"}], parameters={"w": "2 rad/s"})
+        )
+    )
+    for of, verb in (
+        (model, "equilibrium"),
+        (model, "linearise"),
+        (model, "sensitivity"),
+        (turned, "equilibrium"),
+    ):
         with pytest.raises(CapabilityError, match="its motions are kept by unknown efforts"):
-            getattr(model, verb)
+            getattr(of, verb)
     for method, step in (("radau5", {}), ("taylor", {}), ("rattle", {"step": 1e-3})):
         with pytest.raises(ModelError, match="is not for unknown efforts"):
             model.simulate(method=method, **step)

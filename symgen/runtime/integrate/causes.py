@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
+
 import numpy as np
 
 from symgen.runtime.arrays import Array
@@ -11,7 +14,7 @@ from symgen.runtime.kernels.evaluate import Evaluator
 NEAR = 1e-12
 
 
-#: Ways ahead of the last state at which friction is tried, over that within reach.
+#: Ways ahead of the last state at which friction and efforts are tried, over that within reach.
 _AHEAD = (0.0, 1.0, 1e3, 1e6)
 
 
@@ -20,26 +23,42 @@ def cause(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float = 0.0
     return (
         _without_direction(evaluator, t, q, u, reach)
         or _locked(evaluator, t, q, u, reach)
-        or _idle(evaluator, t, q, u)
+        or _idle(evaluator, t, q, u, reach)
     )
 
 
-def _idle(evaluator: Evaluator, t: float, q: Array, u: Array) -> str:
-    """Tell whether the drives of unknown effort cannot move what is prescribed."""
+def _idle(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float) -> str:
+    """Tell whether the drives of unknown effort cannot move what is prescribed, or come to where they cannot.
+
+    Efforts rise towards a dead point, and have the other sign behind it.
+    """
     efforts = evaluator.efforts
-    if not efforts or np.isfinite(evaluator("accelerations", t, q, u)[-len(efforts) :]).all():
+    if not efforts:
+        return ""
+    tried = [out[-len(efforts) :] for out in _ahead(evaluator, t, q, u, reach)]
+    known = [x for x in tried if np.isfinite(x).all()]
+    missing = len(known) < len(tried)
+    poles = any(
+        np.any((a * b < 0) & (missing | (np.abs(a) > np.abs(known[0])))) for a, b in itertools.pairwise(known)
+    )
+    if np.isfinite(tried[0]).all() and not poles:
         return ""
     drives, d = ", ".join(name.rpartition(".")[0] for name in efforts), evaluator.description
     moved = [x.removeprefix("the motion of ") for x in d.labels if x.startswith("the motion of ")]
     return f"{drives} cannot move {', '.join(moved)} there: it is at a dead point, or moves another part"
 
 
+def _ahead(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float) -> Iterator[Array]:
+    """Yield the accelerations, and the unknowns behind them, at a state and ahead of it."""
+    way = u * (reach / max(float(np.max(np.abs(u), initial=0.0)), 1e-300))
+    return (evaluator("accelerations", t, q + part * way, u) for part in _AHEAD)
+
+
 def _locked(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float) -> str:
     """Tell whether friction of bearings is lost as its coefficients rise from zero."""
     if not evaluator.couples or evaluator.efforts:
         return ""
-    way = u * (reach / max(float(np.max(np.abs(u), initial=0.0)), 1e-300))
-    tried = (evaluator("accelerations", t, q + part * way, u) for part in _AHEAD)
+    tried = _ahead(evaluator, t, q, u, reach)
     if not any(np.isnan(out[0]) and np.isfinite(out[1:]).all() for out in tried):
         return ""
     return (

@@ -63,12 +63,14 @@ class RodModel(LinkageModel):
         return begun
 
     def _refused(self, name: str) -> str | None:
+        d, known = self.description, super()._refused(name)
+        if self.evaluator.efforts and known:
+            return known
         if name in ("equilibrium", "modes") and self._never_rests:
             return self._never_rests
-        d = self.description
         if name == "modes" and not (d.freedom or d.plane):  # a plane linkage vibrates across its plane, too
             return "constraints and drives hold every freedom: nothing oscillates"
-        return super()._refused(name)
+        return known
 
     @cached_property
     def _never_rests(self) -> str | None:
