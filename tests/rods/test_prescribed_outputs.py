@@ -487,6 +487,34 @@ def test_motions_that_are_none_are_named(changes, where, problem):
     assert where.rpartition(".")[0] in str(error.value)
 
 
+@pytest.mark.parametrize(
+    "third",
+    [
+        {"motions": [{"of": "upper.angle", "value": "w*t"}], "torques": [{"link": "fore", "torque": "?"}]},
+        {
+            "motions": [{"of": "upper.angle - fore.angle", "value": "w*t"}],
+            "torques": [{"link": "fore", "torque": "?"}],
+        },
+        {"drivers": [{"link": "upper", "angle": "w*t"}]},
+    ],
+)
+def test_more_motions_than_freedoms_are_counted(third):
+    scene = arm()
+    changes = {table: [*scene.get(table, []), *rows] for table, rows in third.items()}
+    with pytest.raises(SceneError, match="2 freedoms and 3 drives, which contradict each other") as error:
+        symgen.build(symgen.Scene(**arm(**changes)))
+    assert "the motion of B.position.x" in str(error.value)
+
+
+def test_an_angle_out_of_reach_is_named_with_its_table():
+    moved, torque = [{"of": "rocker.angle", "value": "far + w*t"}], [{"link": "crank", "torque": "?"}]
+    scene = four_bar(moved, torque)
+    scene["parameters"]["far"] = "0.3 rad"
+    with pytest.raises(SceneError, match=r"\[motions\] 0: the linkage cannot be assembled") as error:
+        symgen.build(symgen.Scene(**scene))
+    assert "misses" in str(error.value) and "the motion of rocker.angle" in str(error.value)
+
+
 def test_redundant_constraints_leave_the_effort_determined():
     """A bar on three parallel cranks moves without rotation: one equation of the angle of the cranks."""
     scene = {

@@ -135,7 +135,7 @@ def _assembly(model: RodsModel) -> list[NamedMatrix]:
         off, size = gap(model.loads, motion)
         drawn_off = _written(off.xreplace(drawn).xreplace(constants))
         residuals.append(size * sp.sin(off - (1 - s) * _angle(sp.cos(drawn_off), sp.sin(drawn_off))))
-        rows.append(motion.text)
+        rows.append(motion.name)
     for part in _floating(model):
         for axis, places in zip(model.axes, zip(*map(model.position, part), strict=True), strict=True):
             mean = sp.Add(*places) / len(part)

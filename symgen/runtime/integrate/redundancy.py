@@ -113,7 +113,9 @@ def redundant_constraints(evaluator: Evaluator, q: Array) -> Redundancy:
 def overdriven(evaluator: Evaluator, q: Array) -> InitialStateError | None:
     """Return the error for more drives than freedoms, of a linkage that they keep from its assembly at q."""
     d = evaluator.description
-    drives, others = d.drives, len(d.constraints) - len(d.drives)
+    moved = [i for i, label in enumerate(d.labels) if label.startswith("the motion of ")]
+    drives = (*d.drives, *moved)
+    others = len(d.constraints) - len(drives)
     freedom = d.of_points - others + _dependent(evaluator, 0.0, q, drives)
     if freedom >= len(drives):
         return None
