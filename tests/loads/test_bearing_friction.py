@@ -307,6 +307,11 @@ def test_a_bearing_that_locks_is_refused():
         model.accelerations(state)
     with pytest.raises(SimulationError, match="the linkage locks"):
         model.simulate(t_end=3.0, state=state)
+    thrown = pendulum(coefficient=2.5, radius="100 mm").model_dump(exclude_unset=True)
+    with pytest.raises(
+        SceneError, match=r"\[bearings\]: the linkage locks.*\n  Give smaller coefficients or radii"
+    ):
+        symgen.build(symgen.Scene(**thrown | {"start": {"rates": {"rod": "-3.3 rad/s"}}}))
     driven = symgen.Scene(
         **pendulum(coefficient=2.5, radius="100 mm").model_dump(exclude_unset=True)
         | {"drivers": [{"link": "rod", "angle": "-w*t"}], "parameters": {"w": "10 rad/s"}}

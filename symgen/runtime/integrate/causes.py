@@ -21,8 +21,8 @@ _AHEAD = (0.0, 1.0, 1e3, 1e6)
 def cause(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float = 0.0) -> str:
     """Name what has no finite force at a state, or within ``reach`` [m] of it; '' for none."""
     return (
-        _without_direction(evaluator, t, q, u, reach)
-        or _locked(evaluator, t, q, u, reach)
+        without_direction(evaluator, t, q, u, reach)
+        or locked(evaluator, t, q, u, reach)
         or _idle(evaluator, t, q, u, reach)
     )
 
@@ -54,7 +54,7 @@ def _ahead(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float) -> 
     return (evaluator("accelerations", t, q + part * way, u) for part in _AHEAD)
 
 
-def _locked(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float) -> str:
+def locked(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float = 0.0) -> str:
     """Tell whether friction of bearings is lost as its coefficients rise from zero."""
     if not evaluator.couples or evaluator.efforts:
         return ""
@@ -67,7 +67,7 @@ def _locked(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float) ->
     )
 
 
-def _without_direction(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float) -> str:
+def without_direction(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float = 0.0) -> str:
     """Name the shortest spring or actuator if its length is zero, or within ``reach`` [m]."""
     if not evaluator.has("line_lengths"):
         return ""

@@ -12,7 +12,7 @@ from symgen.errors import InitialStateError
 from symgen.runtime import _start
 from symgen.runtime._start import Starter
 from symgen.runtime.arrays import Array
-from symgen.runtime.integrate.causes import cause
+from symgen.runtime.integrate.causes import locked, without_direction
 from symgen.runtime.integrate.pace import check_wall
 from symgen.runtime.integrate.redundancy import (
     ASSEMBLED,
@@ -77,9 +77,10 @@ def start(evaluator: Evaluator) -> Start:
     held = d.elastic is not None and len(d.axes) == 3 and not moves
     redundant = Redundancy((), d.rank_tolerance) if held else redundant_constraints(evaluator, q)
     u = _velocities(evaluator, starter, redundant.rows) if moves else np.zeros(len(q))
-    line = "" if evaluator.efforts else cause(evaluator, 0.0, q, u)  # kinematics needs no efforts
-    if line:
+    if line := without_direction(evaluator, 0.0, q, u):
         raise InitialStateError(f"{line}\n  Draw its points apart.", where="springs")
+    if line := locked(evaluator, 0.0, q, u):
+        raise InitialStateError(f"{line}\n  Give smaller coefficients or radii.", where="bearings")
     return Start(q, u, *redundant)
 
 
