@@ -13,7 +13,7 @@ u[4]: axial stiffness, strain, slope and axial force at the place
 
 from libc.stdint cimport uintptr_t
 
-from symgen.runtime.kernels.function import function
+from symgen.runtime.kernels.library import function
 
 cdef extern from "elastic_place_kernel.h" nogil:
     const char *elastic_place_equations

@@ -14,7 +14,7 @@ work[1]: other arguments, then tangents
 
 from libc.stdint cimport uintptr_t
 
-from symgen.runtime.kernels.function import function
+from symgen.runtime.kernels.library import function
 
 cdef extern from "elastic_place_tangents_kernel.h" nogil:
     const char *elastic_place_tangents_equations

@@ -14,7 +14,7 @@ p[7]: rigid motion of the link, for the matrices in fixed axes
 
 from libc.stdint cimport uintptr_t
 
-from symgen.runtime.kernels.function import function
+from symgen.runtime.kernels.library import function
 
 cdef extern from "element_beam8_kernel.h" nogil:
     const char *element_beam8_equations

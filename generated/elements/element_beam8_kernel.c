@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_beam8_equations[65] = "2ffcc25108ca3446008b39c22b4d0a66009f87e25920e2fe67224b23e32283a6";
+const char element_beam8_equations[65] = "4ad6a48a237661aae07e438095bda60356b6468e29b3460cb60d8ad3fd8a468c";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 147 operations (48 add, 99 mul, 5 neg) */
 void element_beam8_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_cubic_equations[65] = "46a3a55cceba8567ea5fc1fa8774fbb8f0ac0f7b0f022585a2a590975d4a0604";
+const char element_cubic_equations[65] = "5750d2537e94055cffa84010d189eea0c075eba2c920d8e5990c7329df2f85f5";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 78 operations (26 add, 52 mul, 3 neg) */
 void element_cubic_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -14,7 +14,7 @@ work[21]: other arguments, then tangents
 
 from libc.stdint cimport uintptr_t
 
-from symgen.runtime.kernels.function import function
+from symgen.runtime.kernels.library import function
 
 cdef extern from "element_cubic_tangents_kernel.h" nogil:
     const char *element_cubic_tangents_equations

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_rayleigh_equations[65] = "f8fc121c0c185bc92018613ed2b90ec78ccc6c9b6e16e93a2464380c044d475f";
+const char element_rayleigh_equations[65] = "52c7453fc2457e4b5353b36fef22c443a9cd9ec23ddc130eae61177a66bb873b";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 358 operations (147 add, 210 mul, 1 div, 11 neg) */
 void element_rayleigh_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -13,7 +13,7 @@ u[1]: station
 
 from libc.stdint cimport uintptr_t
 
-from symgen.runtime.kernels.function import function
+from symgen.runtime.kernels.library import function
 
 cdef extern from "element_timoshenko_kernel.h" nogil:
     const char *element_timoshenko_equations

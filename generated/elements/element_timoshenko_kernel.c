@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_timoshenko_equations[65] = "7c4b09c958f5284a370dfff06f2828f22f3c92aa93c8d2de421c1354f14a17fd";
+const char element_timoshenko_equations[65] = "9476124d56be8a67d6442198fcf29ecae0564249d7e307ef9233bbe59dfbab91";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 232 operations (108 add, 123 mul, 1 div, 13 neg) */
 void element_timoshenko_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

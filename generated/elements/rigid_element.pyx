@@ -14,7 +14,7 @@ p[4]: mass properties
 
 from libc.stdint cimport uintptr_t
 
-from symgen.runtime.kernels.function import function
+from symgen.runtime.kernels.library import function
 
 cdef extern from "rigid_element_kernel.h" nogil:
     const char *rigid_element_equations

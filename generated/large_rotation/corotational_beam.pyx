@@ -14,7 +14,7 @@ p[9]: length, section and gravity
 
 from libc.stdint cimport uintptr_t
 
-from symgen.runtime.kernels.function import function
+from symgen.runtime.kernels.library import function
 
 cdef extern from "corotational_beam_kernel.h" nogil:
     const char *corotational_beam_equations

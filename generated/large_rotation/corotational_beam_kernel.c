@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char corotational_beam_equations[65] = "d504065fbd372c9a2bcf37b23c37f90ebfdc4c3c46512bf9144c3dac052b570b";
+const char corotational_beam_equations[65] = "95beb8e4ce13c6b61edd7e3f6b556d759a12908eefc04c781ab57d607743f895";
 
 /* inertia and internal force less gravity: 549 operations (127 add, 411 mul, 4 div, 18 neg, 7 call) */
 void corotational_beam_residual(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -15,7 +15,7 @@ work[6]: shares of a force and the force in the axes of a link
 
 from libc.stdint cimport uintptr_t
 
-from symgen.runtime.kernels.function import function
+from symgen.runtime.kernels.library import function
 
 cdef extern from "corotational_node_kernel.h" nogil:
     const char *corotational_node_equations

@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char corotational_node_equations[65] = "751afdb66e16c1e4dd9eeb77ecca55644b2e3410c08a7d704e9e1bbc16e33f1f";
+const char corotational_node_equations[65] = "e244db98aebf9c8173dcc91e43b152bc85ef1e9e797a3190dc0252ac00ef7f83";
 
 /* inertia and internal force less gravity: 7 operations (2 add, 5 mul) */
 void corotational_node_residual(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

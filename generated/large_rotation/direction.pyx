@@ -13,7 +13,7 @@ u[29]: their rates, factors, value
 
 from libc.stdint cimport uintptr_t
 
-from symgen.runtime.kernels.function import function
+from symgen.runtime.kernels.library import function
 
 cdef extern from "direction_kernel.h" nogil:
     const char *direction_equations

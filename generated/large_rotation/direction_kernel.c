@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char direction_equations[65] = "f76aa8b72697494b6830101241326be2dc17099d0f92e390db379cdeae97783e";
+const char direction_equations[65] = "31c4f1bc809cbc1cd6a543cf5c7d326bd2b0e003689653d3777bcf07ceaa92e1";
 
 /* error, rate and slopes of the constraint: 125 operations (38 add, 87 mul) */
 void direction_row(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

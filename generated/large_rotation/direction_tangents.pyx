@@ -14,7 +14,7 @@ work[50]: other arguments, then tangents
 
 from libc.stdint cimport uintptr_t
 
-from symgen.runtime.kernels.function import function
+from symgen.runtime.kernels.library import function
 
 cdef extern from "direction_tangents_kernel.h" nogil:
     const char *direction_tangents_equations

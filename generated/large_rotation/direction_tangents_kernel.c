@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char direction_tangents_equations[65] = "6ee97193f7fcbaa9df09796e223c22650419faf50915ec46a718367ba401e8a1";
+const char direction_tangents_equations[65] = "f6b227ff03abc47620d9d557fe86280f00f5fd7eb8d7156ebcbf64c3c05bf1dc";
 
 /* tangent of error, rate and slopes of the constraint: 348 operations (140 add, 208 mul) */
 void direction_tangents_row_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -14,7 +14,7 @@ p[17]: length, section, damping, gravity, fraction
 
 from libc.stdint cimport uintptr_t
 
-from symgen.runtime.kernels.function import function
+from symgen.runtime.kernels.library import function
 
 cdef extern from "director_beam_kernel.h" nogil:
     const char *director_beam_equations

@@ -10,7 +10,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char director_beam_equations[65] = "12c26d6d26bde57d43892e3101a2fa5d5c4b862615173d0bf0f006eea82003ae";
+const char director_beam_equations[65] = "4f070f5fcdd83de4728c2fba021ba9ca19955710df268ff178df5be440510fca";
 
 /* inertia and internal force less gravity: 1185 operations (358 add, 824 mul, 3 div, 12 neg) */
 void director_beam_residual(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -15,7 +15,7 @@ work[89]: other arguments, then tangents
 
 from libc.stdint cimport uintptr_t
 
-from symgen.runtime.kernels.function import function
+from symgen.runtime.kernels.library import function
 
 cdef extern from "director_beam_tangents_kernel.h" nogil:
     const char *director_beam_tangents_equations

@@ -10,7 +10,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char director_beam_tangents_equations[65] = "46a5219345ed3c5ba1224493608afc31e1e775299bfd614e6125b58894b68540";
+const char director_beam_tangents_equations[65] = "c460aee98c3ac632efbca67aa114243dadf0aae09206bd16ffa7a8a184daa93b";
 
 /* tangent of inertia and internal force less gravity: 4100 operations (1252 add, 2843 mul, 5 div, 37 neg) */
 void director_beam_tangents_residual_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -12,7 +12,7 @@ q[5]: entries of the row: T = Z(theta + eps S) Y(eta) X(alpha + eps a)
 
 from libc.stdint cimport uintptr_t
 
-from symgen.runtime.kernels.function import function
+from symgen.runtime.kernels.library import function
 
 cdef extern from "loop_row_kernel.h" nogil:
     const char *loop_row_equations

@@ -19,7 +19,7 @@ work[15]: accelerations and multipliers, as the kernel 'accelerations' wrote the
 
 from libc.stdint cimport uintptr_t
 
-from symgen.runtime.kernels.function import function
+from symgen.runtime.kernels.library import function
 
 cdef extern from "peaucellier_kernel.h" nogil:
     const char *peaucellier_equations

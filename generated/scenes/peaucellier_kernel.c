@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char peaucellier_equations[65] = "25566b92d624dacae2c20c098413b3e3c26e75e56a490231973d3aa020658451";
+const char peaucellier_equations[65] = "b471e7e01870f38795b95b2fe1719aaafccfa6101edd89647b60524c23c82f7f";
 
 /* One over a pivot, or zero where cancellation left nothing of it. */
 static double guarded_inverse(double pivot, double sound, double tolerance)

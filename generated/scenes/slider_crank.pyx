@@ -19,7 +19,7 @@ work[14]: accelerations of the joint variables, then the closing wrench
 
 from libc.stdint cimport uintptr_t
 
-from symgen.runtime.kernels.function import function
+from symgen.runtime.kernels.library import function
 
 cdef extern from "slider_crank_kernel.h" nogil:
     const char *slider_crank_equations

@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_dyad_equations[65] = "19b53839ad771432928484d5795f372b9f0bd0721c3b3fb26aa3a26661cdeb21";
+const char synthesis_dyad_equations[65] = "1befc5c0efd8ade362940bf9d9d0c7ac4bdba04c8ea86515960f25aa0a75c9a5";
 
 /* residual and its derivatives: 69 operations (25 add, 42 mul, 4 neg, 2 call) */
 void synthesis_dyad_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

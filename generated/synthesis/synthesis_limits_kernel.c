@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_limits_equations[65] = "c2e3ee304b5febaefdbb07571143d476ffdfdb661c71cb4afb4bdb266d8b7736";
+const char synthesis_limits_equations[65] = "ef0d3c21c5088c82c0fee0de34fc519ffb5cbb567d48faed911adb56e981b799";
 
 /* residual and its derivatives: 97 operations (42 add, 43 mul, 16 neg, 12 call) */
 void synthesis_limits_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -12,7 +12,7 @@ q[7]: prescribed and unknown quantities
 
 from libc.stdint cimport uintptr_t
 
-from symgen.runtime.kernels.function import function
+from symgen.runtime.kernels.library import function
 
 cdef extern from "synthesis_slide_kernel.h" nogil:
     const char *synthesis_slide_equations

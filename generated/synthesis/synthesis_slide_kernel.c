@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_slide_equations[65] = "e74aceaff0d85e2275fcc201a0301ba502437fcce9af6b42325b4d2de3a011ec";
+const char synthesis_slide_equations[65] = "9974e7e2d49d20838c4329601faf8ff44d52be5316bfc94ba6b084d41671cc80";
 
 /* residual and its derivatives: 32 operations (12 add, 16 mul, 4 neg, 4 call) */
 void synthesis_slide_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

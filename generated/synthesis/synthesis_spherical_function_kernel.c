@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_spherical_function_equations[65] = "7738ef6fc732d8a99fe00718d894282dda0ff693b55df435165e6acbc97dffd4";
+const char synthesis_spherical_function_equations[65] = "9d1170d64c4de67370596768ceb367d831533f2943a40d9be86cb9fdca1c4258";
 
 /* residual and its derivatives: 28 operations (10 add, 14 mul, 1 neg, 4 call) */
 void synthesis_spherical_function_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

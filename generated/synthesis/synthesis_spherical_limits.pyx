@@ -12,7 +12,7 @@ q[14]: prescribed and unknown quantities
 
 from libc.stdint cimport uintptr_t
 
-from symgen.runtime.kernels.function import function
+from symgen.runtime.kernels.library import function
 
 cdef extern from "synthesis_spherical_limits_kernel.h" nogil:
     const char *synthesis_spherical_limits_equations

@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_spherical_limits_equations[65] = "4cf7cbc880476f26bc738403156e34a91b6d9ca64e17bd479385a777baa7c39d";
+const char synthesis_spherical_limits_equations[65] = "7ec3f883c131a60263fd2d53a2dac4da6b60e9c50eeed56ae119f882848c9e72";
 
 /* residual and its derivatives: 168 operations (49 add, 89 mul, 18 neg, 30 call) */
 void synthesis_spherical_limits_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

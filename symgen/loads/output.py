@@ -29,7 +29,8 @@ class Output(table.Table):
 class SceneOutput(Load):
     """An output of the scene, of this name, with the SI unit of its value."""
 
-    noun, plural, schema, acts = "output", "outputs by expressions", Output, False
+    noun, plural, schema = "output", "outputs by expressions", Output
+    named = acts = False
 
     word: str
     unit: str

@@ -168,8 +168,9 @@ class Values:
     def moving(self, expression: sp.Expr, dim: Dimension, where: str) -> None:
         """Check that a prescribed motion has a velocity and an acceleration."""
         unit = "rad" if dim == units.NUMBER else dim.unit
+        end = self._end_of_run
         with at(where):
-            check_rate(expression, TIME.symbol, self.defaults, unit, self._end_of_run)
+            check_rate(expression, TIME.symbol, self.defaults, unit, end)
         for _ in range(2):
             expression = partial(expression, TIME.symbol)
             with at(where):

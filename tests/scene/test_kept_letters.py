@@ -75,6 +75,7 @@ LOADED = BARS | {
     ],
     "masses": [{"point": "S", "mass": "1 kg", "inertia": "0.1 kg*m^2"}],
     "drivers": [{"link": "bar", "angle": "30 deg"}],
+    "outputs": [{"name": "high", "value": "2 m"}],
 }  # fmt: skip
 _FIBRE = {"area": "3 cm^2", "second_moment": "200 mm^4", "fibre": "4 mm"}
 _SHEAR = {"poisson": 0.3, "factor": 0.8}

@@ -7,6 +7,7 @@ form [M J^T; J 0] [a; lambda] = [f; gamma] with the middle particle of each rod 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cached_property
 
 import sympy as sp
@@ -56,8 +57,10 @@ class RodsModel(ConstrainedPoints):
                     where=f"points.{point}",
                     hint=f'Join a link with mass there, or write [[masses]] with point = "{point}".',
                 )
-        still = [k for k in self.rods if not self.linkage.number(k.inertia)]
-        lost = self._without_inertia() if still else None
+        still, lost = [], None
+        with suppress(SceneError):  # of numbers beyond the range, which are named later
+            still = [k for k in self.rods if not self.linkage.number(k.inertia)]
+            lost = self._without_inertia() if still else None
         if lost:
             link = next((k for k in still if lost in k.base), still[0]).name
             raise SceneError(

@@ -75,7 +75,8 @@ def moved_motion(
     """Return dq, du and the differentials of accelerations and multipliers; as :func:`moved_pose`."""
     dq, du = _moved(tangents, by, coordinates)
     residual = tangents.slopes.residual
-    tangents.check_kept(by, residual[tangents.n :][: tangents.m], dq.astype(float), du.astype(float))
+    end = len(residual) - tangents.couples
+    tangents.check_kept(by, residual[end - tangents.m : end], dq.astype(float), du.astype(float))
     left = residual[:, tangents.by_q] @ dq + residual[:, tangents.by_u] @ du
     dw = tangents.solved(left + tangents.direct(residual, by))
     return dq.astype(float), du.astype(float), dw
@@ -168,8 +169,7 @@ def at_equilibrium(
             "  Add a spring or a drive; or hold independent coordinates: give equilibrium.state for at, with "
             "coordinates."
         )
-    unbalanced = by_q @ dq + direct
-    dq = dq - tangents.free @ np.linalg.solve(stiffness, tangents.free.T @ unbalanced)
+    dq = dq - tangents.free @ np.linalg.solve(stiffness, tangents.free.T @ (by_q @ dq + direct))
     multipliers = (tangents.bound.T @ (by_q @ dq + direct)) / tangents.scale[:, None]
     rates = np.zeros_like(dq)
     rates[states], dq[states] = dq[states], 0.0

@@ -56,6 +56,8 @@ class Tangents:
 
     #: Which coordinates may be independent, for messages.
     CHOICE: ClassVar[str]
+    #: Number of unknown couples by forces, whose equations are the last ones.
+    couples = 0
     #: Kernels of the equations of motion, and which constraints are drives.
     model: Kernels
     driven: Sequence[int]
@@ -294,7 +296,7 @@ class LinkageTangents(Tangents):
     ) -> None:
         self.model, d, n = model, model.description, model.description.coordinates
         self.kernels, self.driven = kernels, d.prescribed
-        self.solution = solution
+        self.solution, self.couples = solution, len(model.couples)
         self.slopes = slopes_at(kernels, parameters, state, solution, model.couples)
         equations = 0.0 - self.slopes.residual[:, 2 * n : 2 * n + len(solution)]
         if model.couples and not np.all(np.isfinite(equations)):
