@@ -8,13 +8,13 @@ import re
 import shlex
 import shutil
 import subprocess
-import tomllib
 
 import numpy as np
 import pytest
 from shared.ball_poles import CASE, CRANK, Straight
 from shared.full import full, full_unless
 from shared.linkages import at, ground
+from shared.servo_loop import servo
 from shared.shipped import ELASTIC, LINKAGES, OF_ALL_TYPES
 from typer.testing import CliRunner
 
@@ -23,7 +23,7 @@ from symgen.cli import app
 from symgen.cli.common import changes
 from symgen.errors import CapabilityError, ModelError, ResultError, SceneError
 from symgen.export import export_c
-from symgen.scene.loading import scene_path, shipped_scene
+from symgen.scene.loading import scene_path
 
 STRICT = ("-std=c11", "-Wall", "-Wextra", "-Werror", "-O0", "-ffp-contract=off")
 SANITIZED = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all")
@@ -233,35 +233,7 @@ def test_a_free_loop_runs_past_the_poles_of_its_balls(tmp_path, past):
 @needs("gcc")
 def test_outputs_of_a_loop_whose_state_switches_are_those_of_python(tmp_path):
     """Behind a run the law switches by the state again: a held branch of min and max rounds otherwise."""
-    written = tomllib.loads(shipped_scene("cssp"))
-    written["parameters"] |= {
-        "kp": "14.0",
-        "ki": "6.0 Hz",
-        "limit": "24.0",
-        "R": {"value": "1.6", "tunable": True},
-        "L": "0.08 s",
-        "Ke": "0.7 s",
-        "Km": "0.9 N*m",
-        "target": {"value": "2.2", "tunable": True},
-    }
-    voltage = "min(limit, max(-limit, kp*(target - theta1) + ki*z))"
-    written["states"] = {
-        "i": {"start": 0.3, "rate": f"({voltage} - R*i - Ke*theta1.rate)/L"},
-        "z": {"start": "0 s", "rate": "target - theta1"},
-    }
-    written["loop"]["drives"]["theta1"] += " + Km*i"
-    written["analysis"]["outputs"] = [
-        "theta1",
-        "S1",
-        "S4",
-        "i",
-        "i.rate",
-        "i.integral",
-        "z",
-        "theta1.power",
-        "power",
-    ]
-    export_c(symgen.Scene(**written).called("servo"), tmp_path / "servo")
+    export_c(servo(), tmp_path / "servo")
     program = compiled(tmp_path / "servo", "servo", "gcc", "check")
     assert "all the same to the last bit" in run(program, "--bits")
 

@@ -236,6 +236,7 @@ def drive(
     ``max_wall`` is spent. A resumed run continues from its checkpoint; an interrupt, such as Ctrl-C, leaves
     one.
     """
+    # Checkpoints are kept where the clock is looked at: from the first steps on.
     first = 0 if checkpoints else _SMALL // max(stepper.dim, 1)
     pace = pace or Pace(stepper.t, chosen.t_end, first=first)
     spent = checkpoints.spent if checkpoints else 0.0
