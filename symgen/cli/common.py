@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import tomllib
 from collections.abc import Callable, Iterator
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import typer
 
 from symgen.cli.streams import discard
-from symgen.errors import Interrupted, ModelError, SimulationError
+from symgen.errors import Interrupted, ModelError, SceneError, SimulationError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from symgen.report.page.study import Study
 
 F = TypeVar("F", bound=Callable[..., Any])
+T = TypeVar("T")
 
 #: Exit codes, which ``symgen --help`` lists; ``symgen.cli`` maps errors to them by class.
 FAULT, USAGE, SCENE, RUN, INTERRUPTED = 1, 2, 3, 4, 130
@@ -45,6 +47,20 @@ def command(example: str, of: typer.Typer = app, name: str | None = None) -> Cal
 
 #: Maximum number of digits of an integer value of --set; longer ones remain text.
 _DIGITS = 15
+
+
+def until(t_end: float | None, build: Callable[..., T], settings: dict[str, Any]) -> T:
+    """Return what ``build`` makes of a scene with these ``set``, for runs that end at a time [s].
+
+    Where it refuses the scene, this end replaces that of the scene: drives may jump behind it. The kernels of
+    a scene that is not refused are those for every end.
+    """
+    try:
+        return build(set=settings)
+    except SceneError:
+        if t_end is None or not 0.0 < t_end < math.inf:
+            raise
+        return build(set={**settings, "analysis.t_end": f"{t_end!r} s"})
 
 
 def progress_bar(title: str, as_json: bool) -> AbstractContextManager[Callable[[float], None] | None]:

@@ -162,6 +162,7 @@ def sweep(ctx: typer.Context) -> None:
         scene,
         changes(params["set_"]),
         params["outputs"],
+        arguments.get("t_end"),
     )
     arguments |= {"file": out, "part": _part(params["part"]), "threads": params["threads"]}
     if params["dry_run"]:

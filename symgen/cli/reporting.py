@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from symgen.cli import options as o
-from symgen.cli.common import changes, command, wrote
+from symgen.cli.common import changes, command, until, wrote
 
 if TYPE_CHECKING:
     from symgen.scene.loading import SceneText
@@ -98,7 +98,10 @@ def animate(
     with _status(f"animation of {name}") as status:
         options = {} if t_end is None else {"t_end": t_end}
         angle = None if at is None else of_crank(None, [at], "--at")[0][0]
-        film = film_of(text, frames, **options) if mode is None else film_of_mode(text, mode, angle, frames)
+        if mode is None:
+            film = until(t_end, lambda set: film_of(_set(text, set), frames, **options), {})
+        else:
+            film = film_of_mode(text, mode, angle, frames)
         status("writing")
         save(film, file, status)
     wrote(file)
@@ -195,7 +198,8 @@ def draw(
         options: dict[str, Any] = {} if t_end is None else {"t_end": t_end}
         poses = poses_of(at, "--at") if at else None
         options["samples"] = FRAMES if samples is None else samples
-        sheet_of(text, poses, of=() if no_paths else of or None, unit=unit, **options).save(file)
+        options |= {"of": () if no_paths else of or None, "unit": unit}
+        until(t_end, lambda set: sheet_of(_set(text, set), poses, **options), {}).save(file)
     wrote(file)
 
 
@@ -214,6 +218,13 @@ def _scene(
         return scene, name, out or Path(f"{name}{ending}")
     text = override(read_scene(scene), changes(set_))
     return text, text.name, out or Path(f"{text.name}{ending}")
+
+
+def _set(text: SceneText | str, settings: dict[str, Any]) -> SceneText | str:
+    """Return a scene with further changes; a user's file, which has no values to set, as it is."""
+    from symgen.scene.loading import override
+
+    return text if isinstance(text, str) else override(text, settings)
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import nullcontext
 from copy import copy
 from functools import partial, wraps
@@ -12,7 +12,16 @@ from typing import Any
 
 import typer
 
-from symgen.cli.common import changes, command, console, print_json, progress_bar, saved_on_failure, wrote
+from symgen.cli.common import (
+    changes,
+    command,
+    console,
+    print_json,
+    progress_bar,
+    saved_on_failure,
+    until,
+    wrote,
+)
 from symgen.cli.options import DEFAULTS, OF_ANALYSES
 from symgen.errors import ArgumentError, ModelError, OptionsError, SceneError
 from symgen.methods import load, method_of, table_of
@@ -62,9 +71,15 @@ def analysis(
 
 
 def recording(
-    build: Callable[..., Any], scene: str, settings: Mapping[str, Any], of: Sequence[str] | None
+    build: Callable[..., Any],
+    scene: str,
+    settings: dict[str, Any],
+    of: Sequence[str] | None,
+    t_end: float | None = None,
 ) -> tuple[Any, SceneError | None]:
     """Return what ``build`` makes of a scene, with the outputs ``of``, if any, in place of its own.
+
+    ``t_end`` is the end of its runs that the command gives [s].
 
     Without those that the scene does not have, such as section forces; the error of the first is returned.
     """
@@ -73,13 +88,13 @@ def recording(
     unknown, names = None, [] if is_user_file(scene) else list(of or ())
     while names:
         try:
-            return build(set={**settings, "analysis.outputs": names}), unknown
+            return until(t_end, build, {**settings, "analysis.outputs": names}), unknown
         except SceneError as error:
             unknown, index = unknown or error, re.fullmatch(r"analysis\.outputs\.(\d+)", error.where)
             if not index:
                 break
             del names[int(index[1])]
-    return build(set=settings), unknown
+    return until(t_end, build, settings), unknown
 
 
 class CommandRequest:
@@ -107,7 +122,7 @@ class CommandRequest:
         scene, settings = ctx.params["scene"], changes(ctx.params["set_"])
         of = self.options.get("of") if build is None else None
         made = partial(build or build_selected, scene, **compiled)
-        model, self.unknown = recording(made, scene, settings, of)
+        model, self.unknown = recording(made, scene, settings, of, self.options.get("t_end"))
         self.model: Any = model
 
     def shown(self, names: Iterable[str]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 from types import SimpleNamespace
@@ -93,3 +94,30 @@ def test_times_need_a_unit(entry, line):
 def test_times_and_angles_are_not_mixed():
     with pytest.raises(ModelError, match="times or values of the input, not both"):
         of_drive(None, ["0:0.3 s:3"], "--at")
+
+
+@pytest.mark.parametrize("command", ["run", "animate"])
+def test_the_end_that_a_command_gives_decides_whether_a_drive_jumps(command, tmp_path, entry):
+    """A table by straight lines that ends with a rate at 1.6 s, where the scene ends at 2 s."""
+    scene, out = tmp_path / "arm.toml", tmp_path / "arm.html"
+    scene.write_text(
+        """symgen = 1
+tables.law = { x = ["0 s", "1.6 s"], y = [0, 2] }
+points.O = { at = [0, 0], ground = true }
+points.P = { at = ["1 m", 0] }
+links.arm = { points = ["O", "P"], mass = "1 kg" }
+drivers = [{ link = "arm", angle = "law(t)" }]
+analysis.t_end = "2 s"
+""",
+        "utf-8",
+    )
+    options = ["--json"] if command == "run" else ["--samples", "3", "--out", str(out)]
+    code, shown, said = entry(command, str(scene), *options, "--t-end", "1.2")
+    assert (code, said) == (0, "")
+    if command == "run":
+        final = json.loads(shown)["outputs"]["P.position.x"]["final"]
+        assert final == pytest.approx(math.cos(1.5), abs=1e-9)
+    for end in ([], ["--t-end", "1.8"]):
+        code, _, said = entry(command, str(scene), *options, *end)
+        assert code == 3 and "at t = 1.6 s, the last point of the table law" in said
+        assert "end the motion before, with --t-end or analysis.t_end" in said
