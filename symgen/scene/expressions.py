@@ -11,7 +11,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from fractions import Fraction
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import sympy as sp
 
@@ -33,8 +33,18 @@ from symgen.symbolic.constants import rounded, vanishes
 from symgen.symbolic.switch import Sign, greatest, least, modulo
 
 Value = tuple[sp.Expr, Dimension]
+
+
+class OfTime(NamedTuple):
+    """A named expression of the time, for all expressions that may use the time; None until it is read."""
+
+    value: sp.Expr | None
+    dimension: Dimension
+    text: str
+
+
 #: Named values, and tables under their names with brackets, as ``gas()``.
-Names = Mapping[str, "Value | Tabulated"]
+Names = Mapping[str, "Value | Tabulated | OfTime"]
 
 _LONGEST, _DEEPEST = 2000, 60
 _LARGEST_POWER, _LARGEST_SYMBOLIC_POWER = 64, 16  # SymPy may expand what holds symbols
@@ -277,7 +287,10 @@ class _Reader:
                 measured = measured.replace(output, variable)
             hint = nearest(measured if measured in alike else name, alike)
             raise SceneError(f"{self.shown} uses the unknown name {name!r}", hint=hint)
-        return cast("Value", self.names[name])
+        value = self.names[name]
+        if isinstance(value, OfTime) and (value.value is None or "t" not in self.names):
+            raise self.refuse(f"uses {name}, an expression of the time t, where a constant is expected")
+        return cast("Value", value[:2])
 
     def power(self, base: Value, exponent: Value) -> Value:
         (a, da), (b, db) = base, exponent

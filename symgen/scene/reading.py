@@ -12,7 +12,7 @@ import sympy as sp
 
 from symgen.errors import SceneError, nearest
 from symgen.scene import units
-from symgen.scene.expressions import Names, parse_any, parse_value
+from symgen.scene.expressions import Names, OfTime, parse_any, parse_value
 from symgen.scene.faults import at
 from symgen.scene.limit import Limit
 from symgen.scene.names import is_reserved
@@ -44,7 +44,7 @@ class Values:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self.names: dict[str, tuple[sp.Expr, Dimension] | Tabulated] = {}
+        self.names: dict[str, tuple[sp.Expr, Dimension] | Tabulated | OfTime] = {}
         self.parameters: list[Parameter] = []
         self.defaults: dict[sp.Symbol, sp.Expr] = {}
         self.written = Written()
@@ -60,6 +60,10 @@ class Values:
         self.signals: dict[str, tuple[sp.Expr, Dimension]] = {}
         self._read_parameters()
         self.names |= {f"{name}()": self._table(name) for name in scene.tables}
+        for name, of in self.names.items():  # each behind those that it uses
+            if isinstance(of, OfTime):
+                with at(f"parameters.{name}.value"):
+                    self.names[name] = OfTime(*parse_any(of.text, self.with_time), of.text)
 
     def _table(self, name: str) -> Tabulated:
         """Read a table, whose numbers may be constants of the scene."""
@@ -105,9 +109,14 @@ class Values:
             ring = " by ".join((*waiting[waiting.index(name) :], name))
             raise SceneError(f"these parameters are given by each other: {ring}", where=where)
         text = str(parameter.value)
-        for used in [] if is_quantity(text) else dict.fromkeys(NAME.findall(text)):
-            if used in self.scene.parameters:
-                self._read_parameter(used, (*waiting, name))
+        words = [] if is_quantity(text) else dict.fromkeys(NAME.findall(text))
+        for used in filter(self.scene.parameters.__contains__, words):
+            self._read_parameter(used, (*waiting, name))
+        if "t" in words or any(isinstance(self.names.get(used), OfTime) for used in words):
+            if parameter.tunable:
+                raise SceneError(f"{name}, an expression of the time t, cannot be tunable", where=where)
+            self.names[name] = OfTime(None, units.NUMBER, text)
+            return
         with at(where):
             value, dim = parse_any(parameter.value, self.names)
             self.number(value)
@@ -162,7 +171,7 @@ class Values:
 
     def keep(self, value: sp.Expr, text: str, where: str, names: Names, used: Collection[str]) -> None:
         """Keep a value as written, where it is written with constants of the scene."""
-        if not self.written.constants.keys().isdisjoint(used):
+        if any(name in self.written.constants or isinstance(names.get(name), OfTime) for name in used):
             self.written.texts[where] = Text(value, text, names)
 
     def moving(self, expression: sp.Expr, dim: Dimension, where: str) -> None:

@@ -70,7 +70,7 @@ class Named(Bare):
 
 
 class ParameterTable(Named):
-    """A named value, for use in expressions."""
+    """A named value, or a law of the time t, for use in expressions."""
 
     tunable: bool = Field(False, description="Keep it as an argument of the kernels instead of folding it.")
 

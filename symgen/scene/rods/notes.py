@@ -8,6 +8,7 @@ from itertools import combinations
 
 from symgen.scene.rods.linkage import TIME, Linkage, RigidLink, SpatialBody
 from symgen.scene.schema import Scene
+from symgen.scene.units import is_quantity
 from symgen.symbolic.quantity import parted
 
 _HERTZ = re.compile(r"\b[kM]?(Hz|hertz)\b")
@@ -75,12 +76,22 @@ def _of_hertz(scene: Scene) -> Iterator[str]:
     quantities += [("crank.speed", scene.crank.speed)] if scene.crank else []
     quantities += [(f"start.rates.{name}", rate) for name, rate in scene.start.rates.items()]
     for where, text in quantities:
-        names = {*_NAME.findall(str(text))}
+        names = _words(scene, str(text))
         if "pi" not in names and (names & frequencies or _HERTZ.search(str(text))):
             yield (
                 f"{where} has an angular velocity in Hz, which is 1/s: 60 Hz are 60 rad/s; revolutions per "
                 "second are written rev/s, or 2*pi*f"
             )
+
+
+def _words(scene: Scene, text: str) -> set[str]:
+    """Return the names in a text, and in the parameters that it uses."""
+    words, new = set[str](), {*_NAME.findall(text)}
+    while new:
+        words |= new
+        values = (str(scene.parameters[name].value) for name in new if name in scene.parameters)
+        new = {word for value in values if not is_quantity(value) for word in _NAME.findall(value)} - words
+    return words
 
 
 def _of_loads(scene: Scene, linkage: Linkage) -> Iterator[str]:

@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeVar
 import sympy as sp
 
 from symgen.errors import SceneError
-from symgen.scene.expressions import Names, parse_any
+from symgen.scene.expressions import Names, OfTime, parse_any
 from symgen.scene.tables.points import Tabulated
 from symgen.scene.units import Dimension
 from symgen.symbolic.constants import with_pi
@@ -74,6 +74,9 @@ class Written:
             if name in names:
                 names[name] = constant.quantity.symbol, names[name][1]
         try:
+            for name, of in names.items():
+                if isinstance(of, OfTime):
+                    names[name] = OfTime(*parse_any(of.text, names), of.text)
             return parse_any(text.text, names)[0]
         except SceneError:  # such as the exponent of a power, which is a number
             return None
@@ -87,7 +90,7 @@ class Written:
 class Reads(Protocol):
     """What reads the values of a scene."""
 
-    names: dict[str, tuple[sp.Expr, Dimension] | Tabulated]
+    names: dict[str, tuple[sp.Expr, Dimension] | Tabulated | OfTime]
     defaults: dict[sp.Symbol, sp.Expr]
     parsed: dict[Any, sp.Expr]
     mirror: Any
