@@ -15,6 +15,8 @@ from typer.testing import CliRunner
 import symgen
 from symgen.cli import app
 from symgen.errors import ModelError, SceneError, SymgenError
+from symgen.scene.loading import override, read_scene
+from symgen.study.optima import written
 
 EXAMPLE = str(Path(__file__).parents[2] / "docs" / "barrier.toml")
 
@@ -73,9 +75,9 @@ def test_the_optimal_scene_is_written_with_the_comments_and_units_of_the_first(t
     source.write_text(text.replace('"0.4 m"', '"400 mm"'), encoding="utf-8")
     arguments = ["optimise", str(source), "--set", "optimise.samples=10", "--write", str(best), "--json"]
     found = json.loads(CliRunner().invoke(app, arguments).stdout)
-    written = best.read_text(encoding="utf-8")
-    assert "# one link\n[links]" in written and "samples = 10" in written and written != text
-    scene = tomllib.loads(written)
+    best_text = best.read_text(encoding="utf-8")
+    assert "# one link\n[links]" in best_text and "samples = 10" in best_text and best_text != text
+    scene = tomllib.loads(best_text)
     values = {name: scene["parameters"][name]["value"].split() for name in ("stiffness", "height")}
     assert [unit for _, unit in values.values()] == ["N/m", "m"]
     k, h = (float(number) for number, _ in values.values())
@@ -155,3 +157,63 @@ def test_a_scene_with_a_file_of_points_is_written_beside_it(tmp_path):
         raise CliRunner().invoke(app, [*arguments, str(other / "best.toml")]).exception
     done = CliRunner().invoke(app, [*arguments, str(tmp_path / "best.toml")])
     assert done.exit_code == 0 and 'file = "g.csv"' in (tmp_path / "best.toml").read_text(encoding="utf-8")
+
+
+def test_tables_that_others_separate_stay_where_they_are(tmp_path):
+    """Lists of tables in several places, with comments between: the lines of the changed values differ alone."""
+    text = """symgen = 1
+
+# The arm, and what pulls it.
+[points]
+O = { at = [0, 0], ground = true }
+P = { at = ["1 m", 0] }
+
+[parameters.k]      # of both springs
+value = "3 N/m"
+tunable = true
+
+[[springs]]         # first
+between = ["O", "P"]
+stiffness = "k"
+length = "0.5 m"    # slack
+
+[links.arm]
+points = ["O", "P"]
+mass = "1 kg"
+
+[[forces]]
+point = "P"
+force = ["1 N", "2 N"]
+
+  [[ springs ]]     # second
+between = ["O", "P"]
+stiffness = "2*k"   # twice
+length = "0.25 m"
+
+[parameters.h]
+value = "2 m"       # height
+
+[[springs]]
+between = [
+  "O",              # two points
+  "P",
+]
+stiffness = "1 N/m"
+length = "h"
+"""
+    source = tmp_path / "arm.toml"
+    source.write_text(text, encoding="utf-8")
+    read = read_scene(source)
+    assert written(source, read) == text
+    changes = {
+        "k": "4 N/m",
+        "h": "3 m",
+        "springs.1.stiffness": "k",
+        "springs.2.length": "7 m",
+        "springs.0.length": "8 m",
+    }
+    expected = text.replace('"3 N/m"', '"4 N/m"').replace('"2 m" ', '"3 m" ').replace('"2*k"', '"k"')
+    expected = expected.replace('length = "h"', 'length = "7 m"').replace('"0.5 m"', '"8 m"')
+    assert written(source, override(read, changes)) == expected
+    more = written(source, override(read, {"springs.3": read.data["springs"][0]}))
+    assert tomllib.loads(more)["springs"] == [*read.data["springs"], read.data["springs"][0]]
