@@ -269,8 +269,8 @@ def test_a_run_that_fails_within_reach_of_a_place_without_direction_names_it():
 
     model = symgen.build(symgen.Scene(**slider(1.0, length="0.4 m")))
     q, u = np.array([0.125, 0.0]), np.array([-1.0, 0.0])
-    assert cause(model.evaluator, 0.0, q, u) == ""
-    assert "between M and A is 0.125 m long" in cause(model.evaluator, 0.0, q, u, reach=0.2)
+    assert cause(model.evaluator, 0.0, q, u) is None
+    assert "between M and A is 0.125 m long" in cause(model.evaluator, 0.0, q, u, reach=0.2).text
 
 
 BAD = {

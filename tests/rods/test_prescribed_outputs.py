@@ -286,8 +286,6 @@ def test_angle_over_revolutions_is_that_of_a_drive():
 def test_rocker_cannot_turn_the_crank_past_its_dead_points():
     moved, torque = [{"of": "crank.angle", "value": "1 + w*t"}], [{"link": "rocker", "torque": "?"}]
     model = symgen.build(symgen.Scene(**four_bar(moved, torque)))
-    found = model.inverse_dynamics(samples=30)
-    dead = [note for note in found.notes if "dead point of torques.0" in note]
     # The rocker stands where crank and coupler are in line.
     base, rocker = BASE, BAR["rocker"]
     stretched = [
@@ -295,16 +293,44 @@ def test_rocker_cannot_turn_the_crank_past_its_dead_points():
         for s, turn in ((0.4, 0), (0.2, np.pi))
     ]
     times = sorted(((angle - 1) % (2 * np.pi)) / 3 for angle in stretched)
-    assert len(dead) == len([t for t in times if t < 2])
-    for note, t in zip(dead, times, strict=True):
-        low, high = (float(word) for word in note.split() if word[0].isdigit())
-        assert low < t < high
+    for found in (
+        model.inverse_dynamics(samples=30),
+        model.simulate(samples=30),
+        model.simulate(samples=201),
+    ):
+        dead = [note for note in found.notes if "dead point of torques.0" in note]
+        assert len(dead) == len([t for t in times if t < 2])
+        for note, t in zip(dead, times, strict=True):
+            low, high = (float(word) for word in note.split() if word[0].isdigit())
+            assert low < t < high <= low + 2.1 / (len(found.time) - 1)
     with pytest.raises(
         SimulationError, match=r"torques.0 cannot move crank.angle there: it is at a dead point"
     ):
         model.inverse_dynamics(at=[times[0]], over="time")
     away = model.inverse_dynamics(at=[times[0] + 1e-3], over="time")
     assert np.isfinite(np.asarray(away["torques.0.torque"])).all()
+
+
+@pytest.mark.parametrize(
+    ("second", "message"),
+    [
+        ({"of": "P.x", "value": "x"}, r"\[motions.1\] of: P.x has a prescribed motion already, by motions.0"),
+        ({"of": "P.position.x", "value": "x"}, r"P.position.x has a prescribed motion already, by motions.0"),
+        ({"of": "2*P.x", "value": "2*x"}, r"the motion of P.x, the motion of 2\*P.x prescribe the same motion\n  Drive each"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("verb", ["simulate", "kinematics"])
+def test_two_motions_of_one_quantity_are_both_named(second, message, verb):
+    torques = [{"link": "rocker", "torque": "?"}, {"link": "crank", "torque": "?"}]
+    with pytest.raises(SceneError, match=message):
+        getattr(
+            symgen.build(symgen.Scene(**four_bar([{"of": "P.x", "value": "x"}, second], torques))), verb
+        )()
+
+
+def test_motions_are_a_remedy_for_too_few_drives():
+    with pytest.raises(CapabilityError, match=r"needs 1 more drive\n.*prescribe .* under \[\[motions\]\]"):
+        symgen.build(symgen.Scene(**pushed_pole())).kinematics()
 
 
 def test_boom_by_a_cylinder():
@@ -382,7 +408,9 @@ def test_a_run_that_comes_to_a_dead_point_names_it():
     scene["parameters"] |= {"first": "0.5 rad", "swing": "1 rad"}
     scene["points"]["P"] = at(0.5 * np.cos(0.5), 0.5 * np.sin(0.5))
     scene["analysis"]["t_end"] = "1 s"
-    with pytest.raises(SimulationError, match=r"actuators.0 cannot move pole.angle there") as error:
+    with pytest.raises(
+        SimulationError, match=r"actuators.0 cannot move pole.angle there.*\n  Choose drives that move it"
+    ) as error:
         symgen.build(symgen.Scene(**scene)).simulate()
     assert error.value.time == pytest.approx(np.arcsin(0.5) / 2, abs=1e-3)
 

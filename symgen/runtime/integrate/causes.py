@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from symgen.runtime.arrays import Array
+from symgen.runtime.integrate.redundancy import motions_of, scaled_jacobian
 from symgen.runtime.kernels.evaluate import Evaluator
 
 #: A spring shorter than this share of the coordinates is at zero length.
@@ -18,8 +20,15 @@ NEAR = 1e-12
 _AHEAD = (0.0, 1.0, 1e3, 1e6)
 
 
-def cause(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float = 0.0) -> str:
-    """Name what has no finite force at a state, or within ``reach`` [m] of it; '' for none."""
+class Cause(NamedTuple):
+    """What has no finite force at a state, and the remedy."""
+
+    text: str
+    remedy: str
+
+
+def cause(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float = 0.0) -> Cause | None:
+    """Return what has no finite force at a state, or within ``reach`` [m] of it; None for nothing known."""
     return (
         without_direction(evaluator, t, q, u, reach)
         or locked(evaluator, t, q, u, reach)
@@ -27,14 +36,14 @@ def cause(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float = 0.0
     )
 
 
-def _idle(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float) -> str:
+def _idle(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float) -> Cause | None:
     """Tell whether the drives of unknown effort cannot move what is prescribed, or come to where they cannot.
 
     Efforts rise towards a dead point, and have the other sign behind it.
     """
     efforts = evaluator.efforts
     if not efforts:
-        return ""
+        return None
     tried = [out[-len(efforts) :] for out in _ahead(evaluator, t, q, u, reach)]
     known = [x for x in tried if np.isfinite(x).all()]
     missing = len(known) < len(tried)
@@ -42,10 +51,45 @@ def _idle(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float) -> s
         np.any((a * b < 0) & (missing | (np.abs(a) > np.abs(known[0])))) for a, b in itertools.pairwise(known)
     )
     if np.isfinite(tried[0]).all() and not poles:
-        return ""
-    drives, d = ", ".join(name.rpartition(".")[0] for name in efforts), evaluator.description
-    moved = [x.removeprefix("the motion of ") for x in d.labels if x.startswith("the motion of ")]
-    return f"{drives} cannot move {', '.join(moved)} there: it is at a dead point, or moves another part"
+        return None
+    d, drives = evaluator.description, _drives(evaluator)
+    moved = ", ".join(d.labels[i].removeprefix("the motion of ") for i in motions_of(d))
+    return Cause(
+        f"{drives} cannot move {moved} there: it is at a dead point, or moves another part",
+        "Choose drives that move it there, other motions, or an end of the run before.",
+    )
+
+
+def dead_points(evaluator: Evaluator, times: Array, states: Array) -> Iterator[str]:
+    """Yield between which states (q, ...) of a linkage without freedom efforts pass a pole.
+
+    The drives are at a dead point there: the determinant of their rates by those of the prescribed quantities
+    changes its sign.
+    """
+    if not evaluator.efforts or evaluator.description.freedom or len(times) < 2:
+        return
+    order = np.argsort(times, kind="stable")
+    times, q = times[order], states[order, : evaluator.description.coordinates]
+    signs = np.sign([_transmission(evaluator, t, pose) for t, pose in zip(times.tolist(), q, strict=True)])
+    for i in np.flatnonzero(signs[:-1] * signs[1:] < 0).tolist():
+        yield (
+            f"between t = {times[i]:.9g} s and {times[i + 1]:.9g} s there is a dead point of "
+            f"{_drives(evaluator)}: next to it efforts grow without bounds"
+        )
+
+
+def _transmission(evaluator: Evaluator, t: float, q: Array) -> float:
+    """Return the determinant of the rates of the drives by those of the prescribed quantities at a pose."""
+    d = evaluator.description
+    unit = np.eye(len(d.labels))[:, motions_of(d)]
+    rates = np.linalg.lstsq(scaled_jacobian(evaluator, t, q)[0], unit, rcond=None)[0]
+    pushes = evaluator("effort_forces", t, q, np.zeros_like(q)).reshape(len(q), -1)
+    return float(np.linalg.det(pushes.T @ rates))
+
+
+def _drives(evaluator: Evaluator) -> str:
+    """Return the names of the drives of unknown effort."""
+    return ", ".join(name.rpartition(".")[0] for name in evaluator.efforts)
 
 
 def _ahead(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float) -> Iterator[Array]:
@@ -54,28 +98,32 @@ def _ahead(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float) -> 
     return (evaluator("accelerations", t, q + part * way, u) for part in _AHEAD)
 
 
-def locked(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float = 0.0) -> str:
+def locked(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float = 0.0) -> Cause | None:
     """Tell whether friction of bearings is lost as its coefficients rise from zero."""
     if not evaluator.couples or evaluator.efforts:
-        return ""
+        return None
     tried = _ahead(evaluator, t, q, u, reach)
     if not any(np.isnan(out[0]) and np.isfinite(out[1:]).all() for out in tried):
-        return ""
-    return (
+        return None
+    return Cause(
         "the linkage locks: as friction of its bearings rises from none to its coefficients, the forces in "
-        "them come to have no solution"
+        "them come to have no solution",
+        "Give smaller coefficients or radii, or end the run before.",
     )
 
 
-def without_direction(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float = 0.0) -> str:
-    """Name the shortest spring or actuator if its length is zero, or within ``reach`` [m]."""
+def without_direction(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float = 0.0) -> Cause | None:
+    """Return the shortest spring or actuator as a cause if its length is zero, or within ``reach`` [m]."""
     if not evaluator.has("line_lengths"):
-        return ""
+        return None
     lengths = evaluator("line_lengths", t, q, u)
     least = int(np.argmin(lengths))  # that of a length that is not a number, if there is one
     if lengths[least] > max(reach, NEAR * float(np.max(np.abs(q), initial=0.0))):
-        return ""
+        return None
     name = evaluator.info("line_lengths").blocks[0].rows[least]
+    remedy = 'Keep its points apart. A spring of length = "0 m" without damping has a force there, zero.'
     if np.isnan(lengths[least]):
-        return f"{name} has no length: the place of one of its points is not a number"
-    return f"{name} is {lengths[least]:.3g} m long: where its points meet, its force has no direction"
+        return Cause(f"{name} has no length: the place of one of its points is not a number", remedy)
+    return Cause(
+        f"{name} is {lengths[least]:.3g} m long: where its points meet, its force has no direction", remedy
+    )

@@ -207,23 +207,27 @@ def _of_the_loads(
     n = evaluator.description.coordinates
     q, u, _ = np.split(stepper.state, [n, 2 * n])
     reached = 2 * stepper.h * float(np.max(np.abs(u), initial=0.0))
-    line = cause(evaluator, stepper.t, q, u, reached)
-    near = f"; {line}" if line else lost_rank
+    known = cause(evaluator, stepper.t, q, u, reached)
+    near = f"; {known.text}" if known else lost_rank
     if status == _core.NOT_FINITE and not stepper.recorded:
         what = (
             "the power series of the motion is not finite"
             if chosen.method.kind == "taylor"
             else "there are no finite accelerations"
         )
-        return f"{what} at the start{near}\n  Change the load that has no value there, or the start. {where}"
+        remedy = known.remedy if known else "Change the load that has no value there, or the start."
+        return f"{what} at the start{near}\n  {remedy} {where}"
     if status == _core.NOT_FINITE:
+        remedy = known.remedy if known else "Use a smaller step."
         return (
             f"a number that is not finite appeared in the step {at}{near}\n"
-            f"  Use a smaller step. Last good state: {where.removeprefix('State: ')}"
+            f"  {remedy} Last good state: {where.removeprefix('State: ')}"
         )
     if status == _core.STEP_TOO_SMALL:
         small = f"the step became too small to continue {at}: the tolerance cannot be met there"
         changed = 0.0 if near else _rounded(evaluator, stepper.t, q, u) * equations.core_type.epsilon
+        if known:
+            return f"{small}{near}\n  {known.remedy} {where}"
         if not changed > chosen.rtol:
             return f"{small}{near or _stiff(stepper)}\n  Loosen rtol and atol. {where}"
         finer = [repr(p.name) for p in PRECISIONS.values() if p.epsilon < equations.core_type.epsilon]
@@ -232,6 +236,8 @@ def _of_the_loads(
             f"{small}, since rounding of the positions changes accelerations by {changed:.2g} of the "
             f"largest, more than rtol\n  {remedy} rtol and atol. {where}"
         )
+    if known and stepper.steps < chosen.max_steps:
+        return f"the steps become too short to continue {at}{near}\n  {known.remedy} {where}"
     return unfinished(stepper, chosen, at, near or (_stiff(stepper) if stepper.stiff else ""))
 
 

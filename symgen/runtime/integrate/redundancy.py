@@ -11,6 +11,7 @@ from symgen.errors import InitialStateError
 from symgen.runtime import _core
 from symgen.runtime._start import size_of_points
 from symgen.runtime.arrays import Array
+from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.newton import corrected
 
@@ -81,12 +82,18 @@ def redundant_constraints(evaluator: Evaluator, q: Array) -> Redundancy:
     name, place = d.unknown(d.coordinates + lost[-1]), d.place(lost[-1])
     welds = [label for label in d.labels if label.startswith("the weld ")]
     stressed = set(not_unique(evaluator, 0.0, q, max(count, 1)))
-    for row in stressed.intersection(d.drives):
+    if driven := sorted(stressed.intersection((*d.drives, *motions_of(d)))):
         weld = f" Weld no links whose angle changes as they move: {', '.join(welds)}." if welds else ""
+        of_drives = f"{d.labels[driven[0]]} is not independent of the others"
+        if driven[1:]:
+            same = (
+                "prescribe the same motion" if stressed == {*driven} else "are not independent of each other"
+            )
+            of_drives = f"{', '.join(d.labels[row] for row in driven)} {same}"
         raise InitialStateError(
-            f"the constraints are singular at the start: {rank}; {d.labels[row]} is not independent of the "
-            f"others\n  Drive each freedom of the linkage once, and start away from its dead centres.{weld}",
-            where=d.place(row),
+            f"the constraints are singular at the start: {rank}; {of_drives}\n"
+            f"  Drive each freedom of the linkage once, and start away from its dead centres.{weld}",
+            where=d.place(driven[-1]),
         )
     near = _neighbours(evaluator, q, [row for row in d.prescribed if row not in stressed])
     if near is None:
@@ -110,11 +117,15 @@ def redundant_constraints(evaluator: Evaluator, q: Array) -> Redundancy:
     return found
 
 
+def motions_of(description: Description) -> list[int]:
+    """Return the numbers of the constraints of [[motions]]."""
+    return [i for i, label in enumerate(description.labels) if label.startswith("the motion of ")]
+
+
 def overdriven(evaluator: Evaluator, q: Array) -> InitialStateError | None:
     """Return the error for more drives than freedoms, of a linkage that they keep from its assembly at q."""
     d = evaluator.description
-    moved = [i for i, label in enumerate(d.labels) if label.startswith("the motion of ")]
-    drives = (*d.drives, *moved)
+    drives = (*d.drives, *motions_of(d))
     others = len(d.constraints) - len(drives)
     freedom = d.of_points - others + _dependent(evaluator, 0.0, q, drives)
     if freedom >= len(drives):
@@ -153,7 +164,7 @@ def _pivots(evaluator: Evaluator, q: Array, tolerance: float) -> tuple[tuple[int
 
 def _dependent(evaluator: Evaluator, t: float, q: Array, dropped: tuple[int, ...] = ()) -> int:
     """Return how many constraints, without the dropped ones, depend on the others at a pose."""
-    jacobian = np.delete(_scaled_jacobian(evaluator, t, q)[0], dropped, axis=0)
+    jacobian = np.delete(scaled_jacobian(evaluator, t, q)[0], dropped, axis=0)
     norms = np.linalg.norm(jacobian, axis=1, keepdims=True)
     least = _negligible(evaluator, q)
     values = np.linalg.svd(jacobian / np.where(norms > least, norms, 1.0), compute_uv=False)
@@ -166,7 +177,7 @@ def _neighbours(evaluator: Evaluator, q: Array, driven: list[int]) -> list[tuple
     Where these leave no freedom, moving ground may: then the poses are those of a few later times.
     """
     size = extent(evaluator, q)
-    _, values, right = np.linalg.svd(np.delete(_scaled_jacobian(evaluator, 0.0, q)[0], driven, axis=0))
+    _, values, right = np.linalg.svd(np.delete(scaled_jacobian(evaluator, 0.0, q)[0], driven, axis=0))
     rank = int(np.sum(values > _negligible(evaluator, q) * max(values, default=1.0)))
     free = right[rank:]
     if not len(free):
@@ -226,7 +237,7 @@ def _onto(evaluator: Evaluator, t: float, q: Array, size: float, but: list[int])
     least = _negligible(evaluator, q)
 
     def change(q: Array, _: Array) -> Array:
-        jacobian, scale = _scaled_jacobian(evaluator, t, q)
+        jacobian, scale = scaled_jacobian(evaluator, t, q)
         error = evaluator.blocks("constraints", t, q, np.zeros_like(q))["constraints"] / scale
         rows, left = np.delete(jacobian, but, axis=0), np.delete(-error, but)
         return np.asarray(np.linalg.lstsq(rows, left, rcond=least)[0])
@@ -234,7 +245,7 @@ def _onto(evaluator: Evaluator, t: float, q: Array, size: float, but: list[int])
     return corrected(q, change, lambda _: size, _ITERATIONS, close=_CLOSE, far=1.0)
 
 
-def _scaled_jacobian(evaluator: Evaluator, t: float, q: Array) -> tuple[Array, Array]:
+def scaled_jacobian(evaluator: Evaluator, t: float, q: Array) -> tuple[Array, Array]:
     """Return the constraint Jacobian with every row over its scale [1], and the scales."""
     zero = np.zeros_like(q)
     scale = evaluator.blocks("constraints", t, q, zero)["constraint_scale"]

@@ -10,6 +10,7 @@ import numpy as np
 
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array, Indices
+from symgen.runtime.integrate.causes import dead_points
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.redundancy import CLOSED, SelfStress, extent, not_unique, slack, violation
 from symgen.runtime.kernels.description import Description, KernelInfo
@@ -150,6 +151,7 @@ class Recording(RunRecording):
             *notes_on_start(self.kernels, self.initial, self.chosen.t_end, self.redundant),
             *_of_redundancy(self.kernels, self.stepper, self.redundant),
             *_of_passages(self.kernels, self.stepper),
+            *dead_points(self.kernels, self.stepper.sampled, self.stepper.result),
             *_of_stiffness(self.stepper, self.chosen),
             *of_switches(self.kernels.description.switches, self.stepper.switchings),
             *notes_on_events(self.kernels, self.stepper),
@@ -323,8 +325,7 @@ def grouped(parameters: Array, first: int, values: Array) -> Iterator[tuple[Arra
 
 def nearest_turn(angles: Array, to: Array) -> Array:
     """Return angles [rad] shifted by whole revolutions to be nearest to other angles."""
-    revolution = 2 * np.pi
-    return angles + np.round((to - angles) / revolution) * revolution
+    return angles + np.round((to - angles) / (2 * np.pi)) * (2 * np.pi)
 
 
 def references_of(angles: Array) -> Array:

@@ -18,7 +18,7 @@ from symgen.runtime.result.recording import nearest_turn, references_of
 from symgen.runtime.result.records import converters
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.assemblies import assemblies
-from symgen.runtime.rods.constraints import Constraints
+from symgen.runtime.rods.constraints import MORE_DRIVES, Constraints
 from symgen.runtime.rods.following.branch import along_branch
 from symgen.runtime.rods.following.continuation import LONGEST, Curve, CurvePoint
 from symgen.runtime.rods.following.jumps import check_drives
@@ -57,8 +57,7 @@ def driven(constraints: Constraints, q: Array, t: float) -> None:
         raise ModelError(
             f"{constraints.description.name} has {_count(freedoms, 'degree')} of freedom and {have}: a "
             f"kinematic analysis needs {_count(missing, 'more drive')}\n"
-            '  Add [[drivers]] with link = "..." and angle = "speed*t", give a massless link a length by t, '
-            "or a ground point a motion."
+            f"  {MORE_DRIVES}"
         )
 
 

@@ -77,10 +77,10 @@ def start(evaluator: Evaluator) -> Start:
     held = d.elastic is not None and len(d.axes) == 3 and not moves
     redundant = Redundancy((), d.rank_tolerance) if held else redundant_constraints(evaluator, q)
     u = _velocities(evaluator, starter, redundant.rows) if moves else np.zeros(len(q))
-    if line := without_direction(evaluator, 0.0, q, u):
-        raise InitialStateError(f"{line}\n  Draw its points apart.", where="springs")
-    if line := locked(evaluator, 0.0, q, u):
-        raise InitialStateError(f"{line}\n  Give smaller coefficients or radii.", where="bearings")
+    if known := without_direction(evaluator, 0.0, q, u):
+        raise InitialStateError(f"{known.text}\n  {known.remedy}", where="springs")
+    if known := locked(evaluator, 0.0, q, u):
+        raise InitialStateError(f"{known.text}\n  {known.remedy}", where="bearings")
     return Start(q, u, *redundant)
 
 

@@ -57,7 +57,7 @@ def motions(read: Reader) -> Iterator[PrescribedMotion]:
     SceneError
         For a quantity that is no smooth function of places and angles, and for a scene with elastic links.
     """
-    of_state = _names(read) if read.scene.motions else {}
+    of_state, stated = _names(read) if read.scene.motions else {}, list[sp.Expr]()
     for i, motion in enumerate(read.scene.motions):
         where = f"motions.{i}"
         if read.has_elastic_links:
@@ -80,6 +80,13 @@ def motions(read: Reader) -> Iterator[PrescribedMotion]:
                     "a link must change it by a revolution",
                     hint="Prescribe the angle itself.",
                 )
+        if quantity in stated:
+            raise SceneError(
+                f"{motion.of} has a prescribed motion already, by motions.{stated.index(quantity)}",
+                where=f"{where}.of",
+                hint='Remove one of the two, and the effort "?" that is there for it.',
+            )
+        stated.append(quantity)
         read.keep(quantity, motion.of, f"{where}.of", of_state, NAME.findall(motion.of))
         value = read.value(motion.value, dimension, f"{where}.value", read.with_time)
         read.moving(value, dimension, f"{where}.value")

@@ -12,7 +12,7 @@ import numpy as np
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.arrays import Array
-from symgen.runtime.integrate.causes import cause
+from symgen.runtime.integrate.causes import cause, dead_points
 from symgen.runtime.kernels.arguments import count, reals
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.model.arguments import LinkageForces
@@ -24,7 +24,7 @@ from symgen.runtime.result.records import Drift, Variable, converters, of_model
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.forces.assembly import Assembly, ForceSolution, Unknown, solve
-from symgen.runtime.rods.forces.efforts import dead_points, efforts
+from symgen.runtime.rods.forces.efforts import efforts
 from symgen.runtime.rods.forces.multipliers import by_multipliers
 from symgen.runtime.rods.kinematics import Followed, driven, follow, with_references
 from symgen.runtime.rods.poses import Poses
@@ -117,7 +117,8 @@ def analyse(
         t = float(poses.times[unknown[0]])
         raise SimulationError(f"no finite forces at {linkage.at(t)}: a load there is not a number", time=t)
     lost = np.flatnonzero(solution.rank < assembly.size - redundant)
-    notes = [*dead_points(constraints, poses), *_notes(linkage, assembly, solution, followed)]
+    dead = dead_points(constraints.evaluator, poses.times, poses.q)
+    notes = [*dead, *_notes(linkage, assembly, solution, followed)]
     if len(lost):
         causes = [_undetermined(linkage, assembly, solution, i) for i in lost.tolist()]
         if over.at is not None or len(lost) == len(poses):
@@ -201,9 +202,8 @@ def sampled(
     poses = followed.samples[order[place[there]]]
     if constraints.evaluator.has("line_lengths"):
         for t, q, u in zip(poses.times.tolist(), poses.q, poses.u, strict=True):
-            line = cause(constraints.evaluator, t, q, u)
-            if line:
-                raise SimulationError(f"no finite forces at {at(t)}: {line}", time=t)
+            if known := cause(constraints.evaluator, t, q, u):
+                raise SimulationError(f"no finite forces at {at(t)}: {known.text}\n  {known.remedy}", time=t)
     return poses
 
 
@@ -325,9 +325,10 @@ def selected(
 
 
 def why(constraints: Constraints, poses: Poses, t: float) -> str:
-    """Return why a pose, that at a time, has no finite forces."""
+    """Return why a pose, that at a time, has no finite forces, with the remedy if it is known."""
     i = int(np.flatnonzero(poses.times == t)[0])
-    return cause(constraints.evaluator, t, poses.q[i], poses.u[i]) or "a load there is not a number"
+    known = cause(constraints.evaluator, t, poses.q[i], poses.u[i])
+    return f"{known.text}\n  {known.remedy}" if known else "a load there is not a number"
 
 
 def of_drive(name: str, values: Array) -> Variable:

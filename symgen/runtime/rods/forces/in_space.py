@@ -9,6 +9,7 @@ import numpy as np
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.arrays import Array
+from symgen.runtime.integrate.causes import dead_points
 from symgen.runtime.model.arguments import LinkageForces
 from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.recording import of_points
@@ -16,7 +17,6 @@ from symgen.runtime.result.records import Drift, Variable, converters, of_model
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.forces.analysis import sampled, selected, solutions, why
-from symgen.runtime.rods.forces.efforts import dead_points
 from symgen.runtime.rods.kinematics import driven, follow, with_references
 from symgen.runtime.rods.poses import Poses
 from symgen.runtime.rods.recorded_motion import coordinate_of
@@ -69,7 +69,7 @@ def analyse(constraints: Constraints, begin: State, redundant: int, request: Lin
     if d.switches:
         notes.append("loads switch: forces may jump between two poses, and extremes are those of the poses")
     notes += (pose.describe(shown) for pose in followed.poses)
-    notes += dead_points(constraints, poses)
+    notes += dead_points(constraints.evaluator, poses.times, poses.q)
     drives = constraints.driving(poses.times)
     units = constraints.units()
     variables = [Variable(name, units[name], f"drive {name}", (), x) for name, x in drives.items()]

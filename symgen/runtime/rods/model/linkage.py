@@ -22,6 +22,7 @@ from symgen.runtime.kernels.library import Library
 from symgen.runtime.model.arguments import LinkageMotion, takes
 from symgen.runtime.model.model import Model
 from symgen.runtime.result.state import AssemblyModes, State, by_name, coordinates, parts_of, state_at
+from symgen.runtime.rods.constraints import MORE_DRIVES
 from symgen.runtime.rods.start import Start
 
 if TYPE_CHECKING:
@@ -213,9 +214,7 @@ class LinkageModel(Model):
         if driven and (missing := self.description.freedom) > 0:
             return (
                 f"it has more degrees of freedom than drives and needs {missing} more "
-                f"drive{'s' if missing > 1 else ''}\n"
-                '  Add [[drivers]] with link = "..." and angle = "speed*t", give a massless link a length by '
-                "t, or a ground point a motion."
+                f"drive{'s' if missing > 1 else ''}\n  {MORE_DRIVES}"
             )
         if name == "inverse_dynamics" and self.description.plane:
             return (

@@ -96,9 +96,8 @@ class RodModel(LinkageModel):
         equations = self.evaluator.equations(len(redundant))
         row = np.concatenate([q, u, [0.0, 0.0]])
         status = equations.check(t, row)
-        line = cause(self.evaluator, t, q, u)
-        if line:
-            raise ModelError(f"no finite accelerations at t = {t:g} s: {line}")
+        if known := cause(self.evaluator, t, q, u):
+            raise ModelError(f"no finite accelerations at t = {t:g} s: {known.text}\n  {known.remedy}")
         if status != _core.DONE:
             name = "a redundant constraint is independent of the others there"
             if equations.lost == equations.redundant:
