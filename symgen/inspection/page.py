@@ -23,7 +23,7 @@ from symgen.pipeline.user_system import equations_of
 from symgen.report.page.drawing import Drawing, drawing
 from symgen.report.page.page import Fact, KernelRow, Measured, Page, StepView, example_in_c
 from symgen.report.page.views import elimination, matrix_view, shared_terms, symbols
-from symgen.scene.loading import SceneText, check_scene, machines, shipped_scenes
+from symgen.scene.loading import SceneText, check_scene
 from symgen.symbolic.system import Step, System
 
 #: Most matrices of one step on a page.
@@ -64,7 +64,7 @@ def scene_page(text: SceneText, *, speed: bool, progress: Status) -> Page:
     progress("drawing")
     drawn = drawing(view.sketch(resolved, model, measured.result))
     shown = (checked.about.strip(), view.facts(resolved, model), measured, drawn)
-    named = system.name if system.name in shipped_scenes() + machines() else checked.file or system.name
+    named = text.name if text.shipped else text.file or text.name
     code = _in_python(f'symgen.build("{named}")', view.example(model))
     return _page(view, code, system, subject.record, *shown)
 

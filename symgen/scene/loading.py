@@ -34,13 +34,14 @@ _LISTS = "'symgen scenes' lists the shipped ones."
 class SceneText:
     """A scene read but not yet checked: its name, where it came from, and its tables.
 
-    ``of_files`` are tables of points as written, which files give.
+    ``of_files`` are tables of points as written, which files give. A ``shipped`` one comes with symgen.
     """
 
     name: str
     file: str
     data: Mapping[str, Any]
     of_files: Mapping[str, Any] = field(default_factory=dict)
+    shipped: bool = False
 
     @property
     def canonical(self) -> str:
@@ -117,7 +118,8 @@ def read_scene(source: str | os.PathLike[str]) -> SceneText:
     if _depth(data) > _DEEPEST:
         raise SceneError(f"expected tables nested at most {_DEEPEST} deep", file=path.name)
     given = of_files(data.get("tables"), path.parent)
-    return _with_points(SceneText(_identifier(path.stem), path.name, data, given), path.parent)
+    shipped = path.parent in (SHIPPED, MACHINES)
+    return _with_points(SceneText(_identifier(path.stem), path.name, data, given, shipped), path.parent)
 
 
 def _with_points(text: SceneText, folder: Path | None = None) -> SceneText:
@@ -167,8 +169,6 @@ def load_scene(source: str | os.PathLike[str], set: Mapping[str, Any] | None = N
 _TABLES = ("analysis", "gravity", "start", "inputs", "states", "parameters", "tables", "units")
 #: Tables of named values, which are set by the name alone.
 NAMED = ("parameters", "inputs")
-
-
 #: Stands for an entry that is removed, so that entries behind it keep their numbers until the end.
 _REMOVED = object()
 
@@ -214,7 +214,7 @@ def override(text: SceneText, changes: Mapping[str, Any]) -> SceneText:
             )
     left = _left(data)
     _check_used(text, left)
-    return _with_points(SceneText(text.name, text.file, left))
+    return _with_points(replace(text, data=left, of_files={}))
 
 
 def _check_used(text: SceneText, data: Mapping[str, Any]) -> None:

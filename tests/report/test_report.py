@@ -209,8 +209,16 @@ def test_speed_stands_beside_error():
     assert speed_figure(found) == speed_figure(found)  # the same bytes
 
 
-def test_the_code_of_a_page_names_the_file_of_its_scene(tmp_path):
-    file = tmp_path / "mine.toml"
+@pytest.mark.parametrize("name", ["mine", "four_bar"])
+def test_the_code_of_a_page_names_the_file_of_its_scene(name, tmp_path):
+    """Also where the file is called as a shipped scene is."""
+    file = tmp_path / f"{name}.toml"
     file.write_text(shipped_scene("four_bar"))
     page = scene_page(read_scene(file), speed=False, progress=lambda _: None)
-    assert 'symgen.build("mine.toml")' in unescape(render(page))
+    assert f'symgen.build("{name}.toml")' in unescape(render(page))
+
+
+def test_the_code_of_a_page_names_a_shipped_scene_with_changes():
+    text = override(read_scene("four_bar"), {"analysis.t_end": "0.1 s"})
+    page = scene_page(text, speed=False, progress=lambda _: None)
+    assert 'symgen.build("four_bar")' in unescape(render(page))
