@@ -195,6 +195,65 @@ def test_double_wishbone():
         assert -found["jack.tension"].values[n] == pytest.approx(thrust, rel=1e-8)
 
 
+def test_macpherson_strut():
+    """The pose of the upright by Newton's method on three rods, the jack, and the axis of the strut through its mount."""
+    at = {
+        "LF": "150 340 180", "LR": "-200 345 185", "LB": "0 700 165", "TI": "-120 330 240", "TO": "-130 690 225",
+        "TOP": "-25 560 830", "K": "-5 640 330", "W": "0 750 300", "N": "0 850 300", "J": "0 750 -1700", "C": "-2 725 310",
+    }  # fmt: skip
+    at = {name: vector(text) for name, text in at.items()}
+    pairs = ("LF", "LB"), ("LR", "LB"), ("TI", "TO"), ("J", "W")
+    drawn = [size(at[a] - at[b]) for a, b in pairs]
+    axis, body = at["TOP"] - at["K"], of_moments(35, ("1.1", "1.6", "1.2"))
+
+    def moved(pose):
+        turned = rotation(*pose[3:])
+        return {
+            k: at["C"] + pose[:3] + turned @ (at[k] - at["C"]) for k in ("LB", "TO", "W", "N", "K")
+        }, turned
+
+    def solved(jack):
+        def errors(*pose):
+            p, turned = moved(np.array(pose))
+            ends = (p[b] - at[a] for a, b in pairs)
+            off = crossed(turned @ axis, at["TOP"] - p["K"])
+            return [*(d @ d - s**2 for d, s in zip(ends, [*drawn[:3], jack], strict=True)), off[0], off[1]]
+
+        guess = [0, 0, jack - 2, 0, 0, 0]
+        return np.array(list(mp.findroot(errors, guess, tol=mp.mpf(10) ** -90)))
+
+    def places(q):
+        pose = solved(q[0])
+        p, turned = moved(pose)
+        found = of_rods(*((at[a], p[b]) for a, b in pairs[:3]))
+        return np.array([*found, *(at["C"] + pose[:3] + body @ turned.T), p["K"]])
+
+    masses = [*halves(2, 2, "0.6"), *6 * [mp.mpf(35) / 6], 0]
+
+    def force(r, v):
+        loads, d = weights(masses), r[-1] - at["TOP"]
+        length = size(d)
+        loads[-1] -= d / length * (25000 * (length - mp.mpf("0.63")) + 1500 * (v[-1] @ d) / length)
+        return loads
+
+    def jack(t):
+        return [2 + mp.mpf("0.06") * mp.sin(2 * mp.pi * t)]
+
+    times = [0.0, 0.2, 0.68]
+    found = at_times("macpherson_strut", times)
+    for n, t in enumerate(times):
+        p, _ = moved(solved(jack(mp.mpf(t))[0]))
+        assert found["W.position"].values[n] == pytest.approx(p["W"].astype(float), abs=1e-11)
+        x, y, z = p["N"] - p["W"]
+        assert found["camber"].values[n] == pytest.approx(float(-mp.atan2(z, y)), abs=1e-10)
+        assert found["toe"].values[n] == pytest.approx(float(mp.atan2(x, y)), abs=1e-10)
+        assert found["springs.0.length"].values[n] == pytest.approx(
+            float(size(p["K"] - at["TOP"])), abs=1e-11
+        )
+        (thrust,) = efforts(places, jack, masses, t, force)
+        assert -found["jack.tension"].values[n] == pytest.approx(thrust, rel=1e-8)
+
+
 def test_governor():
     """Lagrange's equation of the angle of the arms; the torque is the rate of the angular momentum."""
     length, width, g, damping = 0.26, 0.04, 9.81, 60.0

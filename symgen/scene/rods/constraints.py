@@ -23,7 +23,11 @@ def guides(read: Reader) -> Iterator[Guide]:
         if len(set(points)) < len(points):
             raise SceneError("a guide names each of its points once", where=f"{where}.points")
         if read.is_spatial_body(guide.along):
-            raise SceneError(f"{guide.along} is a body: a guide runs along a rod", where=f"{where}.along")
+            raise SceneError(
+                f"{guide.along} is a body: a guide runs along a rod",
+                where=f"{where}.along",
+                hint='Name a rod of mass = "0 kg" between two points of the body.',
+            )
         for point in points:
             if point in read.scene.links[guide.along].points or read.scene.points[point].on == guide.along:
                 raise SceneError(f"{point} belongs to {guide.along} already", where=f"{where}.points")
