@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from symgen.codegen.emit import SourceFile
+from symgen.errors import ModelError
 from symgen.export.program import arguments, exported, state_of
 from symgen.export.view import (
     ATOL,
@@ -63,6 +64,12 @@ def rods(model: RodModel, program: Program, sources: tuple[SourceFile, ...]) -> 
     """Return the exported data of a linkage: runs by power series if the program has them."""
     d = model.description
     state = model.initial_state()
+    if state.references is not None and np.any(state.references):
+        raise ModelError(
+            f"{d.name} starts in an equilibrium with an angle of a load beyond half a revolution: exported "
+            "programs count such angles from within\n  Shift the free angle of the spring, or leave out "
+            "start.equilibrium."
+        )
     extra = int(d.work_of_loads)
     start = np.concatenate([state.q, state.u, np.zeros(extra)])
     method = INTEGRATORS["taylor" if program.series else "dop853"]
@@ -193,6 +200,11 @@ def expected_of_run(
 
 def _notes(d: Description) -> tuple[str, ...]:
     notes = []
+    if d.at_equilibrium:
+        notes.append(
+            "The start is the static equilibrium at the default parameters; other parameters do not move it: "
+            "give the state of theirs."
+        )
     if d.redundant:
         names = ", ".join(d.labels[i] for i in d.redundant)
         notes.append(

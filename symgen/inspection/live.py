@@ -164,9 +164,12 @@ def _check_start(model: Any, sliders: Sequence[Slider]) -> None:
                 continue
             moved = np.abs(start(model.with_parameters(**{slider.name: value})) - problem)
             if np.max(moved, initial=0.0) > _SAME * np.max(np.abs(problem), initial=1.0):
+                remedy = "masses or loads; lengths where a link is driven"
+                if getattr(model.description, "at_equilibrium", False):
+                    remedy = "other parameters, or leave out start.equilibrium"
                 raise ModelError(
                     f"{slider.name} moves the start of {model.name}, which a live page of a motion under "
-                    "forces does not compute\n  Choose masses or loads; lengths where a link is driven."
+                    f"forces does not compute\n  Choose {remedy}."
                 )
 
 

@@ -115,6 +115,8 @@ def _foreign(linkage: Linkage) -> Iterator[str]:
     yield from (f"links.{body.name}" for body in linkage.bodies)
     if linkage.start.angles:
         yield "start.angles"
+    if linkage.start.equilibrium:
+        yield "start.equilibrium"
     for link in linkage.links:
         if not link.as_drawn or TIME.symbol in link.length.free_symbols:
             yield f"links.{link.name}.length"

@@ -231,6 +231,7 @@ def of_linkage(linkage: Linkage, program: Program, equations: str) -> Descriptio
         drawn=sum(not p.hidden for p in linkage.points),
         states={s.name: s.units[0] for s in linkage.states},
         scene_outputs=linkage.scene_outputs,
+        at_equilibrium=linkage.start.equilibrium,
     )
 
 

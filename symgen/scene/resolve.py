@@ -145,6 +145,8 @@ def _linkage(scene: Scene) -> Linkage:
         if read.dimension == 2:
             raise SceneError("points with two coordinates do not move in space", where="analysis.motion")
         return replace(linkage, leaves_plane='analysis.motion = "space"')
+    if linkage.start.equilibrium and read.dimension == 3:
+        return replace(linkage, leaves_plane="the equilibrium at the start is one of all freedoms")
     if elastic and read.dimension == 3:
         return replace(linkage, leaves_plane="elastic links bend in space")
     if linkage.kinematic and read.dimension == 3:

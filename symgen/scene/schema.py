@@ -181,6 +181,9 @@ class StartTable(Table):
         default_factory=dict, description="Angular velocity of a link; in space three components."
     )
     velocities: dict[Name, Vector] = Field(default_factory=dict, description="Velocity of a point.")
+    equilibrium: bool = Field(
+        default=False, description="Start at rest in the equilibrium reached from the drawing and the angles."
+    )
 
 
 class Analysis(Table):

@@ -21,13 +21,9 @@ from symgen.runtime.integrate.options import Options, recorded_at
 from symgen.runtime.integrate.redundancy import slack
 from symgen.runtime.integrate.simulate import effects_of
 from symgen.runtime.kernels.evaluate import Evaluator
+from symgen.runtime.linearisation.jumps import jumps_between, total_slopes
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
-from symgen.runtime.linearisation.sensitivity import (
-    closing_motion,
-    jumps_between,
-    moved_pose,
-    total_slopes,
-)
+from symgen.runtime.linearisation.sensitivity import closing_motion, moved_pose, moved_rest
 from symgen.runtime.linearisation.steps import (
     StepTangents,
     StoredTrajectory,
@@ -47,6 +43,8 @@ _CHANGE, _LARGEST_CHANGE = 1e4, 1e-2
 #: Relative change of derivatives, over that of the states, which halved steps do not reduce: 2 to 3 where a
 #: chaotic motion amplifies both.
 _BEYOND_STATES = 10.0
+#: Rates of constraints by parameters [m/s], over their scale, that count as zero.
+_MOVING = 1e-9
 
 
 def follow(
@@ -220,6 +218,7 @@ def at_run(
     outputs: Sequence[str],
     by: Sequence[str],
     coordinates: Sequence[str],
+    rest: Tangents | None = None,
 ) -> Sensitivity:
     """Return the derivatives of outputs, and of the integrals of ``steps``, at the ends of the path.
 
@@ -237,6 +236,8 @@ def at_run(
         Tunable parameters, and coordinates and their rates, whose values at the start are meant.
     coordinates
         Independent coordinates, which keep their values at the start with other parameters.
+    rest
+        The equilibrium in which the run starts, which moves with the parameters, if it does.
 
     Raises
     ------
@@ -248,7 +249,7 @@ def at_run(
     start = tangents(state_of(path, 0), path.references[0])
     start.check_closed()
     names = tuple(dict.fromkeys(by))
-    first = np.vstack(moved_pose(start, names, coordinates))
+    first = _moved_start(start, names, coordinates, rest)
     ends = [tangents(state_of(path, i), path.references[i]) for i in path.ends]
     shown = [x for name in outputs for x in ends[0].slopes.scalars(name)]
     for end in ends:
@@ -290,6 +291,37 @@ def at_run(
         path.t[[*path.ends]],
         start.slopes.units,
     )
+
+
+def _moved_start(
+    start: Tangents, by: Sequence[str], coordinates: Sequence[str], rest: Tangents | None
+) -> Array:
+    """Return the differentials of coordinates and rates at the start of a run, (2 n, directions).
+
+    Coordinates and rates that do not vary are held, unless the run starts in the equilibrium ``rest``:
+    then it moves with the parameters.
+
+    Raises
+    ------
+    ModelError
+        As :func:`moved_pose` and :func:`moved_rest`; for a parameter that sets a drive in motion there.
+    """
+    if rest is None:
+        return np.vstack(moved_pose(start, by, coordinates))
+    moved = np.zeros((2 * start.n, len(by)))
+    of_parameters = np.array([name in start.parameters for name in by], dtype=bool)
+    names = [name for name in by if name in start.parameters]
+    moved[:, of_parameters] = np.vstack(moved_rest(rest, names)[:2])
+    slopes = start.slopes.rates
+    opened = slopes[:, start.by_q] @ moved[: start.n, of_parameters] + start.direct(slopes, names)
+    for i in map(int, np.flatnonzero(np.any(np.abs(opened) > _MOVING * start.scale[:, None], axis=0))):
+        raise ModelError(
+            f"a change of {names[i]} sets a drive in motion at the start, which is then no equilibrium\n"
+            "  Take derivatives by other parameters."
+        )
+    if others := [name for name in by if name not in start.parameters]:
+        moved[:, ~of_parameters] = np.vstack(moved_pose(start, others, coordinates))
+    return moved
 
 
 def state_of(path: StoredTrajectory, i: int) -> State:

@@ -21,7 +21,7 @@ from symgen.runtime.integrate.integrators import dop853
 from symgen.runtime.integrate.integrators.method import Integrator
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.kernels.evaluate import Evaluator
-from symgen.runtime.linearisation.sensitivity import Jump
+from symgen.runtime.linearisation.jumps import Jump
 
 #: Directions at which the transposed steps of one output cost as much as the tangents of all.
 _DIRECTIONS = 6

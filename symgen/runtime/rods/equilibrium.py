@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 
-from symgen.errors import ModelError, SimulationError
+from symgen.errors import InitialStateError, ModelError, SimulationError
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.description import Description
 from symgen.runtime.kernels.evaluate import Evaluator
@@ -14,6 +17,7 @@ from symgen.runtime.result.state import reactions_at, state_at
 from symgen.runtime.rods.assemblies import polished
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.linear import Statics
+from symgen.runtime.rods.start import Start
 
 #: Most steps to an equilibrium.
 _STEPS = 500
@@ -25,6 +29,8 @@ _FIRST, _GROWTH = 0.05, 0.2
 _LONGER = 250
 #: Change of a step over the size of the state that ends them.
 _SETTLED = 1e-10
+#: First words of notes on the equilibrium in which runs start.
+_AT_START = "the equilibrium at the start"
 
 
 def _in_motion(d: Description, name: str, when: str) -> str:
@@ -62,8 +68,44 @@ def never_rests(evaluator: Evaluator, left_out: str = "") -> str | None:
     return _in_motion(d, moving[0], "at all times") if moving else None
 
 
-def at_rest(constraints: Constraints, q: Array, t: float) -> None:
-    """Check that no drive and no ground point is in motion at the time t.
+def resting(model: Any, begun: Start) -> Start:
+    """Return the start in the equilibrium that is reached from another one, with drives and loads at t = 0.
+
+    Drives may accelerate there.
+
+    Raises
+    ------
+    InitialStateError
+        When there is none, or none is found.
+    """
+    d, reason = model.description, model._refused("equilibrium")
+    if not (reason or d.freedom or d.states):
+        reason = "nothing is free to find an equilibrium: constraints and drives hold every freedom"
+    try:
+        if reason:
+            raise ModelError(reason)
+        constraints = model.constraints()
+        at_rest(constraints, begun.q, 0.0, starting=True)
+        statics = Statics(constraints, model.analysis("statics"), 0.0, None)
+        rest = describe(statics, *find(statics, statics.pose(begun.q, begun.u), True))
+    except (ModelError, SimulationError) as error:
+        raise InitialStateError(
+            f"start.equilibrium: {error}\n  Without this key, runs start as drawn.",
+            where="start.equilibrium",
+        ) from None
+    return replace(begun, q=rest.state.q, u=rest.state.u, rest=rest)
+
+
+def noted(d: Description, rest: Equilibrium | None) -> Description:
+    """Return a description whose remarks on the equilibrium at the start are those on this one."""
+    notes = [f"{_AT_START}: {note}" for note in rest.notes] if rest else []
+    if rest and rest.stability == "unstable":
+        notes.append(f"{_AT_START} is unstable: rounding alone leads away from it")
+    return replace(d, remarks=(*(x for x in d.remarks if not x.startswith(_AT_START)), *notes))
+
+
+def at_rest(constraints: Constraints, q: Array, t: float, starting: bool = False) -> None:
+    """Check that no drive and no ground point is in motion at the time t; ``starting``: it may accelerate.
 
     Raises
     ------
@@ -76,13 +118,13 @@ def at_rest(constraints: Constraints, q: Array, t: float) -> None:
         for name, rate, second in zip(
             d.constraints, constraints.drift(q, t), constraints.gamma(q, rest, t), strict=True
         )
-        if rate != 0.0 or second != 0.0
+        if rate != 0.0 or (second != 0.0 and not starting)
     ]
     rates = constraints.evaluator.blocks("points", t, q, rest)["velocities"]
     work = np.zeros(constraints.evaluator.work_size + constraints.n + constraints.m + 1)
     second = constraints.evaluator.blocks("point_accelerations", t, q, rest, work)["point_accelerations"]
     for i, name in enumerate(d.points):
-        if name in d.ground and (np.any(rates[i]) or np.any(second[i])):
+        if name in d.ground and (np.any(rates[i]) or (np.any(second[i]) and not starting)):
             moving.insert(0, name)
     if moving:
         raise ModelError(_in_motion(d, moving[0], f"at t = {t:g} s"))

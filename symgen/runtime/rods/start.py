@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,6 +28,9 @@ from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.rods.assembly.stated import held
 from symgen.runtime.rods.large_start import LARGE, least_velocities
 
+if TYPE_CHECKING:
+    from symgen.runtime.result.equilibrium import Equilibrium
+
 #: Random poses from which a start is searched.
 _TRIES = 24
 #: Largest number of coordinates with a search.
@@ -44,13 +48,14 @@ class Start:
     """Coordinates [m] and velocities [m/s] at the start, and the numbers of the redundant constraints.
 
     ``rank_tolerance`` is that of the pivots which show these; ``y`` holds coordinates and velocities, one
-    behind the other.
+    behind the other. ``rest`` is the equilibrium that the start is, if the scene requests one.
     """
 
     q: Array
     u: Array
     redundant: tuple[int, ...]
     rank_tolerance: float
+    rest: Equilibrium | None = None
     y: Array = field(init=False)
 
     def __post_init__(self) -> None:

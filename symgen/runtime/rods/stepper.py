@@ -49,10 +49,11 @@ class LinkageStepper(Stepper):
 
     def _new(self, state: State | None) -> tuple[Any, Any, float, Array, dict[str, Any]]:
         model = self._model
-        t, y, evaluator = 0.0, model._stored_start().y, model.evaluator
+        t, y = 0.0, model._stored_start().y
         if state is not None:
             state = self._own(state)
-            (t, y), evaluator = finite(state), model.counting(state).evaluator
+            t, y = finite(state)
+        evaluator = model.counting(state).evaluator
         tangent = model.analysis("tangent") if self._chosen.method.needs_tangent else None
         equations, y0 = equations_of(evaluator, y, self._redundant, self._chosen, tangent=tangent)
         events = evaluator.description.events

@@ -219,13 +219,37 @@ def start(read: Reader) -> StartConditions:
     for name in start.velocities:
         if read.known_point(name, f"start.velocities.{name}").ground:
             raise SceneError(f"the ground point {name} does not move", where=f"start.velocities.{name}")
+    if start.equilibrium:
+        _check_rest(read.scene)
     return StartConditions(
         angles=tuple((n, read.value(v, units.NUMBER, f"start.angles.{n}")) for n, v in start.angles.items()),
         rates=tuple((n, _rate(read, v, f"start.rates.{n}")) for n, v in start.rates.items()),
         velocities=tuple(
             (n, read.vector(v, units.VELOCITY, f"start.velocities.{n}")) for n, v in start.velocities.items()
         ),
+        equilibrium=start.equilibrium,
     )
+
+
+def _check_rest(scene: Scene) -> None:
+    """Raise SceneError for a scene whose runs do not start in an equilibrium of its rigid links."""
+    moved = [f"start.{table}.{n}" for table in ("rates", "velocities") for n in getattr(scene.start, table)]
+    if moved:
+        raise SceneError(
+            "a start in equilibrium is at rest", where=moved[0], hint="Leave it out, or start.equilibrium."
+        )
+    where = "start.equilibrium"
+    if any(link.elastic for link in scene.links.values()):
+        raise SceneError(
+            "runs of elastic links do not start in an equilibrium that is found from the drawing",
+            where=where,
+            hint='Leave it out: simulate(initial="quasi-static"), --initial quasi-static, starts them with '
+            "the shape under their loads.",
+        )
+    if scene.analysis.kind == "kinematics":
+        raise SceneError(
+            "kinematics has no loads, so no equilibrium", where=where, hint="Leave out analysis.kind."
+        )
 
 
 def _rate(read: Reader, rate: str | int | float | list[str | int | float], where: str) -> Vector:

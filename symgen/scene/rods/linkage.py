@@ -201,11 +201,12 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class StartConditions:
-    """Directions [rad] and rates [rad/s] of links, and velocities [m/s] of points, that the start has."""
+    """Directions [rad], rates [rad/s] of links, velocities [m/s] of points; or the equilibrium from there."""
 
     angles: tuple[tuple[str, sp.Expr], ...]
     rates: tuple[tuple[str, Vector], ...]
     velocities: tuple[tuple[str, Vector], ...]
+    equilibrium: bool = False
 
 
 @dataclass(frozen=True, slots=True)

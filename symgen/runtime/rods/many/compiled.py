@@ -117,6 +117,8 @@ def compiled_runs(
     if not isinstance(source, Recording):
         return ""
     evaluator, chosen, d = source.kernels, source.chosen, source.kernels.description
+    if d.at_equilibrium and states is None:
+        return "each run starts in an equilibrium of its own"
     default = arguments.get("method") is None
     if default:  # the first run may have ended by the method that is chosen otherwise
         chosen = by_series(chosen, model._series)

@@ -77,14 +77,23 @@ class LinkageModel(Model):
         """Find the start at the parameters of the model."""
 
     def _stored_start(self) -> Start:
-        """Return the start: that stored with the scene, unless a parameter has changed."""
+        """Return the start: the stored one, unless a parameter has changed, or the equilibrium near it."""
+        if self._start is not None:
+            return self._start
         d = self.description
-        if self._start is None and (self.is_changed or not d.start):
-            self._start = self._begun()
-        elif self._start is None:
+        if self.is_changed or not d.start:
+            begun = self._begun()
+        else:
             q, u = np.split(np.array(d.start), 2)
-            self._start = Start(q, u, d.redundant, d.rank_tolerance)
-        return self._start
+            begun = Start(q, u, d.redundant, d.rank_tolerance)
+        if d.at_equilibrium:
+            from symgen.runtime.rods.equilibrium import noted, resting
+
+            begun = resting(self, begun)
+            self.description = noted(self.description, begun.rest)
+            del self.evaluator
+        self._start = begun
+        return begun
 
     def initial_state(self) -> State:
         """Return the state in which a run starts.
@@ -92,9 +101,12 @@ class LinkageModel(Model):
         Raises
         ------
         InitialStateError
-            When the state cannot be assembled, is contradictory, or is singular.
+            When the state cannot be assembled, is contradictory, or is singular; when no equilibrium is
+            found where the scene requests one.
         """
         start = self._stored_start()
+        if start.rest:
+            return start.rest.state
         return self._state(0.0, start.q, start.u, np.zeros(self.description.windings))
 
     def _state(self, t: float, q: Array, u: Array, references: Array | None = None) -> State:

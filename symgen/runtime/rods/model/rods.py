@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from symgen.calls import checked
-from symgen.errors import ModelError, OptionsError, check_known
+from symgen.errors import ModelError, check_known
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.causes import cause
@@ -233,47 +233,9 @@ class RodModel(LinkageModel):
 
     @takes(LinkageDerivatives)
     def _sensitivity(self, request: LinkageDerivatives) -> Sensitivity:
-        from symgen.runtime.linearisation.sensitivity import at_equilibrium, at_pose, check_starts
-        from symgen.runtime.linearisation.state_space import derivatives
-        from symgen.runtime.result.equilibrium import Equilibrium
+        from symgen.runtime.rods.model.derivatives import derivatives_by
 
-        d, initial = self.description, [f"{x}{mark}" for mark in ("", "'") for x in request.coordinates]
-        request = replace(request, coordinates=[*request.coordinates, *d.integrals])
-        at, along, coordinates = request.at, request.along, request.coordinates
-        if not (at is None or isinstance(at, State | Equilibrium | float | int)):
-            raise ModelError(f"{self.name}: expected a state, an equilibrium or a time for at, got {at!r}")
-        if not along and (run_arguments := request.of_run + ["integrals"] * bool(request.integrals)):
-            named = ", ".join(f"{{{name}}}" for name in run_arguments)
-            raise OptionsError(f"{named} is for derivatives along a run: give {{t_end}} or {{t_eval}}, too")
-        by = self._differentiated(request.parameters, initial if along else [])
-        check_starts(self, () if isinstance(at, State | Equilibrium) else by)
-        spectra = [name for name in dict.fromkeys(request.outputs) if name in ("frequencies", "poles")]
-        if spectra and (along or at is None or isinstance(at, State | float | int)):
-            raise ModelError(f"{spectra[0]} belong to an equilibrium: give model.equilibrium() for at")
-        outputs = [name for name in request.outputs if name not in spectra]
-        names = tuple(dict.fromkeys([*derivatives(d, coordinates), *outputs]))
-        if isinstance(at, float | int):
-            if at and d.freedom:
-                raise OptionsError(
-                    f"{self.name}: expected a state or an equilibrium for {{at}}, got the time {at:g} s: "
-                    "drives alone do not determine the motion\n  Give {t_end} for derivatives along the run,"
-                    " or use linearise for a state-space model at this time."
-                )
-            at = self.reached(at)
-        if along:
-            start = self.initial_state() if at is None else at if isinstance(at, State) else at.state
-            if not outputs and not request.integrals:
-                raise ModelError("expected outputs or integrals to differentiate along a run, got none")
-            if len(start.q) != d.coordinates:
-                raise ModelError(
-                    f"{self.name}: expected a state of {d.coordinates} coordinates for at, "
-                    f"got one of {len(start.q)}\n  Give one of this model."
-                )
-            return self._along_run(request, outputs, names, by, start)
-        if at is None or isinstance(at, State):
-            return at_pose(self._tangents(at, names, "sensitivity"), outputs, by, coordinates)
-        tangents = self._tangents(at, names, "sensitivity")
-        return at_equilibrium(tangents, outputs, by, spectra, lambda: self.counting(at).analysis("vibration"))
+        return derivatives_by(self, request)
 
     def reached(self, t: float, begin: State | None = None) -> State:
         """Return the state at a time of the motion that drives determine, or of a run, with its revolutions.
@@ -307,7 +269,8 @@ class RodModel(LinkageModel):
         )
 
     def counting(self, at: State | Equilibrium | None) -> RodModel:
-        """Return the model whose angles in loads count the revolutions of a state."""
+        """Return the model whose angles in loads count the revolutions of a state, by default the start."""
+        at = self._stored_start().rest if at is None else at
         state = at if at is None or isinstance(at, State) else at.state
         return self if state is None or state.references is None else self._holding(state.references)
 
@@ -319,32 +282,6 @@ class RodModel(LinkageModel):
         model = self.with_parameters()
         model._start, model.evaluator = self._stored_start(), evaluator
         return model
-
-    def _along_run(
-        self,
-        request: LinkageDerivatives,
-        outputs: Sequence[str],
-        names: tuple[str, ...],
-        by: tuple[str, ...],
-        start: State,
-    ) -> Sensitivity:
-        """Return derivatives along a run; ``names`` are the outputs of the kernels ``sensitivity``."""
-        from symgen.runtime.linearisation.runs import at_run, follow, halved
-        from symgen.runtime.linearisation.steps import LinkageSteps, resolved
-
-        times, chosen = request.run()
-        tangent = self.analysis("tangent") if chosen.method.needs_tangent else None
-        kernels = self.counting(start).evaluator
-        followed = partial(follow, kernels, tangent, len(self.redundant), start, times=times)
-
-        def tangents(state: State, references: Array) -> LinkageTangents:
-            return self._holding(references)._tangents(state, names, "sensitivity")
-
-        variation = self.analysis("variation", outputs=tuple(request.integrals))
-        steps = LinkageSteps(self.evaluator, variation, len(self.redundant), chosen.method)
-        path = resolved(followed(chosen), steps, chosen)
-        path = halved(path, followed, tangents, steps, request.coordinates, chosen)
-        return at_run(path, tangents, steps, outputs, by, request.coordinates)
 
     @takes(LinkageForces)
     def _inverse_dynamics(self, request: LinkageForces) -> Forces:
@@ -391,9 +328,7 @@ class RodModel(LinkageModel):
             if request.controlled:
                 return controlled_run(self, request, chosen)
             tangent = self.analysis("tangent", stepping=True) if chosen.method.needs_tangent else None
-            start, kernels = self._stored_start(), self.evaluator
-            t, y = 0.0, start.y
-            if request.state is not None:
-                (t, y), kernels = finite(request.state), self.counting(request.state).evaluator
+            start, kernels = self._stored_start(), self.counting(request.state).evaluator
+            t, y = (0.0, start.y) if request.state is None else finite(request.state)
             recorded = (request.keeping(), tangent, request.t_eval, request.state)
             return run(kernels, t, y, start.redundant, chosen, request.progress, self.number_type, *recorded)
