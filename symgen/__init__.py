@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from symgen.pipeline.systems import derive as derive
     from symgen.runtime.chain.chain import Chain as Chain
     from symgen.runtime.elastic.model import ElasticModel as ElasticModel
-    from symgen.runtime.integrate.controlled import MotionView as MotionView
+    from symgen.runtime.integrate.controller import MotionView as MotionView
     from symgen.runtime.loop.model import LoopModel as LoopModel
     from symgen.runtime.model.model import Model as Model
     from symgen.runtime.model.system import SystemModel as SystemModel
@@ -43,7 +43,7 @@ _HOME = {
     "GeneralModel": "symgen.runtime.rods.model.general",
     "KinematicModel": "symgen.runtime.rods.model.kinematic",
     "LoopModel": "symgen.runtime.loop.model",
-    "MotionView": "symgen.runtime.integrate.controlled",
+    "MotionView": "symgen.runtime.integrate.controller",
     "Model": "symgen.runtime.model.model",
     "Normal": "symgen.runtime.sweeps.designs",
     "Result": "symgen.runtime.result.result",

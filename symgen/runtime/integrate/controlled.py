@@ -1,16 +1,17 @@
-"""Runs with a sampled controller: a function that sets inputs, which are constant between its calls."""
+"""Runs with a controller: a function that sets inputs, at a sampling interval or in every evaluation."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from symgen.errors import ModelError, SimulationError, SymgenError, shown
+from symgen.errors import ModelError, SimulationError
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
+from symgen.runtime.integrate.continuous import ContinuousController
+from symgen.runtime.integrate.controller import Controller, MotionView
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.pace import Progress
 from symgen.runtime.integrate.simulate import check_end, drive, sample_times
@@ -19,8 +20,6 @@ from symgen.runtime.kernels.arguments import is_real, out_of_range
 
 if TYPE_CHECKING:
     from symgen.runtime.model.arguments import RunArguments
-    from symgen.runtime.result.result import Result
-    from symgen.runtime.result.state import State
 
 AnyStepper = TypeVar("AnyStepper", bound=Stepper)
 
@@ -28,58 +27,8 @@ AnyStepper = TypeVar("AnyStepper", bound=Stepper)
 _SAME = 1e-9
 
 
-class MotionView:
-    """The present state of a run, for its controller; ``view["pole.angle"]`` is an output of the scene.
-
-    Outputs that depend on inputs are those of the inputs held so far. It is valid during the call alone:
-    later it shows later states.
-    """
-
-    __slots__ = ("_of",)
-
-    def __init__(self, of: Stepper) -> None:
-        self._of = of
-
-    def __repr__(self) -> str:
-        return f"<MotionView at t = {self.t:g} s>"
-
-    def __getitem__(self, name: str) -> Any:
-        """Return an output of the scene, or a component such as ``C.position.x``, as a stepper does."""
-        return self._of[name]
-
-    @property
-    def t(self) -> float:
-        """The present time [s]."""
-        return self._of.t
-
-    @property
-    def y(self) -> Array:
-        """The present coordinates and their rates (q, u), in SI units."""
-        return self._of.y
-
-    @property
-    def state(self) -> State:
-        """The present state, for ``model.stepper(state=...)`` and analyses of the model."""
-        return self._of.state
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """Present values of the tunable parameters, inputs among them, in SI units."""
-        return self._of.parameters
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of the outputs of the scene."""
-        return self._of.outputs
-
-
-def _scalar(value: Any) -> Any:
-    """Return an array without axes as its number, and anything else as it is."""
-    return value.item() if isinstance(value, np.ndarray) and value.ndim == 0 else value
-
-
-class SampledController:
-    """The calls of a controller in a run, and the parameters that it has set.
+class SampledController(Controller):
+    """A controller at a sampling interval, and the parameters that it has set.
 
     Parameters
     ----------
@@ -92,35 +41,33 @@ class SampledController:
     def __init__(
         self, function: Callable[..., Any], sample: float, stepper: Stepper, chosen: Options
     ) -> None:
-        self._function, self._sample, self._stepper, self._chosen = function, sample, stepper, chosen
+        super().__init__(function, chosen)
+        self._sample, self._stepper = sample, stepper
         self._view, self._begin = MotionView(stepper), stepper.t
-        #: The error of the controller, and its message with the time; None as long as there is none.
-        self.error: Exception | None = None
-        self.problem = ""
         self._times: list[float] = []
         self._rows: list[list[float]] = []
 
     @property
     def note(self) -> str:
         """The controller, in words."""
-        return f"a controller set {', '.join(self._stepper._signals)} every {self._sample:g} s"
+        return f"a controller set {self._names} every {self._sample:g} s"
 
     def run(self, progress: Progress | None) -> tuple[int, float]:
         """Carry out the run; return its last status and the wall time [s]."""
         run = self._stepper._run
-        return drive(run, self._begin, self._chosen, progress, control=partial(self._hold, run))
+        return drive(run, self._begin, self._chosen, progress, control=self._hold)
 
-    def _hold(self, run: _core.Run) -> int:
+    def _hold(self) -> int:
         """Set the inputs at the present time, a sampling time or the end, and return the status."""
+        run = self._stepper._run
         t_end, t = self._chosen.t_end, run.t
         self._stepper._row = None
         if t >= t_end:
             return _core.DONE
         try:
-            values = self._asked(t)
+            values = self._asked(t, self._view)
         except Exception as error:
-            said = str(error) if isinstance(error, SymgenError) else f"{type(error).__name__}: {error}"
-            self.error, self.problem = error, f"the controller failed at t = {t:.9g} s: {said}"
+            self._failed(t, error)
             return _core.ENDED
         try:
             self._stepper.set(**values)
@@ -136,79 +83,63 @@ class SampledController:
         run.extend(until if until < t_end - _SAME * self._sample else t_end)
         return _core.MORE
 
-    def _asked(self, t: float) -> dict[str, float]:
-        """Return the inputs that the controller asks for, checked."""
-        values = self._function(t, self._view)
-        known = self._stepper._signals
-        if not isinstance(values, Mapping):
-            example = next(iter(known), "F")
-            raise ModelError(f"expected a dict of inputs, such as {{{example!r}: 2.0}}, got {shown(values)}")
-        checked = {}
-        for name, given in values.items():
-            value = _scalar(given)
-            if name not in known:
-                raise ModelError(
-                    f"{shown(name)} is no input. Known: {', '.join(known) or 'none'}.\n"
-                    "  A controller sets names under [inputs] of the scene."
-                )
-            if not is_real(value):
-                raise ModelError(f"expected a finite number for {name}, got {shown(value)}")
-            checked[name] = float(value)
-        return checked
+    @property
+    def repeated(self) -> Callable[..., Any]:
+        """The inputs at sampling times."""
+        return self._set
 
-    def finished(self, result: Result, status: int) -> Result:
-        """Return the result of a run that ended with this status; raise SimulationError for a failure."""
-        run = self._stepper._run
-        problem = self.problem
-        if not problem and status not in (_core.DONE, _core.ENDED):
-            problem = self._stepper._cause(status)
-        if problem:
-            partial = result if run.recorded else None
-            raise SimulationError(problem, time=run.t, partial=partial) from self.error
-        return result
-
-    def repeated(self, t: float, view: Any) -> dict[str, float]:
-        """Return the inputs of the call at a sampling time [s], without another call."""
+    def _set(self, t: float, view: Any) -> dict[str, float]:
         known = self._stepper._signals
-        row = self.held(np.array([t]))[0].tolist()
+        row = self._at(np.array([t]))[0].tolist()
         return {name: row[place] for name, place in known.items()}
 
-    def held(self, times: Array) -> Array:
-        """Return the tunable parameters at times [s] of the run, (times, parameters)."""
+    def held(self, run: _core.Run) -> Array:
+        """Return the tunable parameters at the samples of a run, (samples, parameters)."""
+        return self._at(run.sampled)
+
+    def _at(self, times: Array) -> Array:
         at = np.searchsorted(self._times, times + _SAME * self._sample, side="right") - 1
         return np.array(self._rows)[np.maximum(at, 0)]
 
 
 def controlled(
     model: Any, stepper: Callable[..., AnyStepper], request: RunArguments, chosen: Options
-) -> tuple[AnyStepper, SampledController]:
+) -> tuple[AnyStepper, SampledController | ContinuousController]:
     """Return the motion of a run with a controller at its start, and the calls of the controller.
 
     Raises
     ------
     ModelError
-        For a sampling interval out of range, a checkpoint, and a model without inputs.
+        For a sampling interval out of range, a checkpoint, and a model without inputs; without an interval,
+        for a method whose steps need more than accelerations.
     """
-    function, sample = request.controller, request.sample
-    if function is None or sample is None:
-        raise ModelError(
-            "expected sample, the time between two calls of the controller [s], got none\n"
-            "  A continuous law is part of the scene: expressions in its loads, and [states]."
-        )
-    if not (is_real(sample) and sample > 0.0):
+    function: Any = request.controller
+    sample = request.sample
+    if not (sample is None or (is_real(sample) and sample > 0.0)):
         raise out_of_range("sample", sample)
     if request.keeping() is not None:
         raise ModelError(
             "a checkpoint does not contain the variables of a controller: runs with one have no checkpoints"
         )
+    if sample is None and chosen.method.kind != "explicit":
+        raise ModelError(
+            f"{chosen.method.name} needs more of a controller than its values in each evaluation\n"
+            "  Choose dop853, dopri5 or rk4, or give the time between two calls, sample."
+        )
 
     def sampled(t0: float) -> Array:
         check_end(t0, chosen)
-        if not chosen.t_end + sample > chosen.t_end:
+        if sample is not None and not chosen.t_end + sample > chosen.t_end:
             raise ModelError(f"sample={sample:g} s is too short to advance t_end={chosen.t_end:g} s")
         return sample_times(t0, chosen, request.t_eval)
 
-    motion = stepper(model, chosen, request.state, sampled)
+    law = ContinuousController(function, chosen) if sample is None else None
+    try:
+        motion = stepper(model, chosen, request.state, sampled, law)
+    except SimulationError as error:
+        if law and law.error:
+            raise SimulationError(law.problem, time=error.time) from law.error
+        raise
     if not motion._signals:
         raise ModelError(f"{model.name} has no inputs for a controller\n  Declare them under [inputs].")
-    return motion, SampledController(function, float(sample), motion, chosen)
+    return motion, law or SampledController(function, float(sample or 0.0), motion, chosen)

@@ -227,11 +227,13 @@ def drive(
     checkpoints: Checkpoints | None = None,
     pace: Pace | None = None,
     control: Callable[[], int] | None = None,
+    by_step: bool = False,
 ) -> tuple[int, float]:
     """Step to the end in chunks of time; return the last status and the wall time [s].
 
     ``pace`` is that of runs one after the other. ``control`` is called at the start of a run that continues
-    and at each of its ends: it moves the end and returns MORE, or another status to end the run. The status
+    and at each of its ends, or after each step: it moves the end and returns MORE, or another status to end
+    the run. The status
     is MORE if ``max_steps`` were too few, or are too few at the pace of the last steps, and OUT_OF_TIME if
     ``max_wall`` is spent. A resumed run continues from its checkpoint; an interrupt, such as Ctrl-C, leaves
     one.
@@ -241,7 +243,7 @@ def drive(
     pace = pace or Pace(stepper.t, chosen.t_end, first=first)
     spent = checkpoints.spent if checkpoints else 0.0
     try:
-        status = _driven(stepper, t0, chosen, progress, checkpoints, pace, control)
+        status = _driven(stepper, t0, chosen, progress, checkpoints, pace, control, by_step)
     except KeyboardInterrupt:
         if checkpoints and (remedy := checkpoints.leave(stepper)):
             raise KeyboardInterrupt(remedy) from None
@@ -257,6 +259,7 @@ def _driven(
     checkpoints: Checkpoints | None,
     pace: Pace,
     control: Callable[[], int] | None,
+    by_step: bool,
 ) -> int:
     """Return the last status of a run by :func:`drive`."""
     status = _core.MORE if stepper.steps or stepper.recorded else stepper.begin()
@@ -273,11 +276,11 @@ def _driven(
             if chosen.rtol and advance * (chosen.max_steps - stepper.steps) < chosen.t_end - stepper.t:
                 break
             judged = stepper.steps, stepper.t
-        chunk = pace.chunk() if ends is None else 1
+        chunk = pace.chunk() if ends is None and not by_step else 1
         status = stepper.advance(min(chunk, chosen.max_steps - stepper.steps))
         if ends is not None:
             ends.append(stepper.t)
-        if control and status == _core.DONE:
+        if control and (status == _core.DONE or (by_step and status == _core.MORE)):
             status = control()
         over = status == _core.MORE and pace.spent(stepper.t, partial(_short, stepper))
         if checkpoints and status == _core.MORE:

@@ -40,10 +40,15 @@ class Stepper(ABC):
         chosen: Options,
         state: State | None,
         sampled: Callable[[float], Array] | None = None,
+        law: Any = None,
     ) -> None:
-        """Begin a motion; ``sampled`` returns the times [s] that a run from a start records."""
+        """Begin a motion; ``sampled`` returns the times [s] that a run from a start records.
+
+        ``law`` is its controller without a sampling interval.
+        """
         model._refuse_types("steppers are" if sampled is None else "runs with a controller are")
         self._model, self._chosen, self._first, self._sampled = model, chosen, state, sampled
+        self._law = law
         d = model.description
         self._places = {p.name: i for i, p in enumerate(d.tunable)}
         #: Parameters that neither constraints nor limits of values depend on.
@@ -189,15 +194,19 @@ class Stepper(ABC):
 
         A number, or an array for an output with components.
         """
+        row = self._row
+        if row is None:
+            row = self._row = self._evaluated()
+        return self._entry(name, row)
+
+    def _entry(self, name: str, row: Array) -> Any:
+        """Return an output by name from those of a state."""
         place = self._outputs.get(name) if isinstance(name, str) else None
         if place is None:
             raise ModelError(
                 f"{self._model.name} has no output {str(name)!r}. {nearest(str(name), self._outputs)}\n"
                 "  Another quantity of the scene is computed if outputs under [analysis] lists it."
             )
-        row = self._row
-        if row is None:
-            row = self._row = self._evaluated()
         where, shape = place
         return float(row[where]) if shape is None else row[where].reshape(shape).copy()
 

@@ -257,6 +257,11 @@ class LoopStepper(Stepper):
 
 def controlled_run(model: Any, request: RunArguments, chosen: Options) -> Result:
     """Integrate with a controller and return the result: see :meth:`symgen.Model.simulate`."""
+    if request.sample is None:
+        raise ModelError(
+            "expected sample, the time between two calls of the controller [s], got none\n"
+            "  A continuous law of a loop is part of its scene: expressions in its loads, and [states]."
+        )
     stepper, control = controlled(model, LoopStepper, request, chosen)
     status, wall = control.run(request.progress)
     of = model.kernels, stepper._equations, stepper._run

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +17,12 @@ from symgen.runtime.closure.redundancy import Mask, note, ranges_of, undetermine
 from symgen.runtime.loop.frames import product, transforms
 from symgen.runtime.loop.kernels import LoopKernels
 from symgen.runtime.loop.near_singular import CLOSED, REPORTED
-from symgen.runtime.result.recording import Controls, RunRecording, grouped, losses_of_rank, of_switches
+from symgen.runtime.result.recording import RunRecording, grouped, losses_of_rank, of_switches
 from symgen.runtime.result.records import Variable
 from symgen.runtime.result.turn import variables
+
+if TYPE_CHECKING:
+    from symgen.runtime.integrate.controller import Controller
 
 #: Names of the axes of vectors.
 AXES = ("x", "y", "z")
@@ -213,13 +216,13 @@ class LoopRecording(RunRecording):
 
     kernels: LoopKernels
     equations: _loop.LoopEquations
-    controls: Controls | None = None
+    controls: Controller | None = None
 
     @cached_property
     def _samples(self) -> LoopSamples:
         run = self.stepper
         rows = np.append(run.result, np.zeros((len(run.sampled), 1)), axis=1)
-        held = None if self.controls is None else self.controls.held(run.sampled)
+        held = None if self.controls is None else self.controls.held(run)
         rank = self.equations.rank
         return LoopSamples(self.kernels, rank, run.sampled, rows, run.references, run.turns, held)
 

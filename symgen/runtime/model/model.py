@@ -147,8 +147,8 @@ class Model(LinearAnalyses, ManyRuns, Sweeps, ElasticAnalyses, KernelCalls, Comp
             Initial state; by default that of the scene.
         controller, sample
             Function ``f(t, view)`` that returns inputs by name, such as ``{"F": 2.0}``, and the time [s]
-            between two calls, in which inputs are constant: see ``docs/control.md``. The method is then
-            ``dop853`` by default.
+            between two calls, in which inputs are constant; without this time it has no memory, and is
+            called in every evaluation: see ``docs/control.md``. The method is then ``dop853`` by default.
         progress
             Called from time to time with the completed part of the run, 0 to 1.
 

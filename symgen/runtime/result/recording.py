@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,24 +19,13 @@ from symgen.runtime.kernels.library import Library
 from symgen.runtime.result.records import Coordinate, Drift, LocatedEvent, Variable, converters, over_time
 from symgen.runtime.result.state import State
 
+if TYPE_CHECKING:
+    from symgen.runtime.integrate.controller import Controller
+
 #: Largest number of passages whose times are reported; of more, only the number is.
 _SHOWN = 6
 #: Longest jump or kink of a load that a note shows as written; of others only the table.
 _LONGEST = 80
-
-
-class Controls(Protocol):
-    """Parameters that a controller has set during a run."""
-
-    @property
-    def note(self) -> str:
-        """The controller, in words."""
-
-    def held(self, times: Array) -> Array:
-        """Return the tunable parameters at times [s] of the run, (times, parameters)."""
-
-    def repeated(self, t: float, view: Any) -> dict[str, float]:
-        """Return the inputs that the controller has set at a sampling time [s]: that of a repeated run."""
 
 
 @dataclass(slots=True)
@@ -107,7 +96,7 @@ class Recording(RunRecording):
     kernels: Evaluator
     redundant: tuple[int, ...]
     initial: State | None
-    controls: Controls | None = None
+    controls: Controller | None = None
 
     def axes(self) -> tuple[str, ...]:
         """Return the names of the axes."""
@@ -122,7 +111,7 @@ class Recording(RunRecording):
         in_doubles = self.equations.core_type is _core.DOUBLE
         groups = [*wound(evaluator, run.references)] if evaluator.description.windings else []
         if self.controls is not None:
-            rows = np.hstack([self.controls.held(run.sampled), run.references])
+            rows = np.hstack([self.controls.held(run), run.references])
             groups = [*grouped(evaluator.parameter_values, 0, rows)]
         plain = len(groups) <= 1 and all(of is evaluator.parameter_values for of, _ in groups)
         if in_doubles and not info.work_size and plain:

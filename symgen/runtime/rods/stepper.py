@@ -21,6 +21,9 @@ from symgen.runtime.result.records import LocatedEvent
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State, finite
 
+#: Kernels that may depend on inputs and are called at any state of a step.
+_FORCED = ("accelerations", "events")
+
 
 class LinkageStepper(Stepper):
     """A motion of a linkage or of a user-defined system that advances by calls."""
@@ -54,11 +57,15 @@ class LinkageStepper(Stepper):
             state = self._own(state)
             t, y = finite(state)
         evaluator = model.counting(state).evaluator
+        view = evaluator.equations(len(self._redundant))
+        if self._law is not None:
+            steered = self._law.steered(self, evaluator.library, evaluator.parameter_values, _FORCED)
+            evaluator = Evaluator(evaluator.description, steered, evaluator.parameter_values)
         tangent = model.analysis("tangent") if self._chosen.method.needs_tangent else None
         equations, y0 = equations_of(evaluator, y, self._redundant, self._chosen, tangent=tangent)
         events = evaluator.description.events
         options = {"directions": [e.direction for e in events], "terminal": effects_of(events)}
-        return equations, evaluator.equations(len(self._redundant)), t, y0, options
+        return equations, view, t, y0, options
 
     def _own(self, state: State) -> State:
         """Return a state in the coordinates of the model: in space, of a linkage in a plane there."""
@@ -98,12 +105,24 @@ class LinkageStepper(Stepper):
         address, sizes = self._call
         if not (self._redundant and sizes[4]):
             return self._run.outputs(self._view, address, sizes, self._turning)
-        evaluator, (y, _, turns) = self._evaluator, self._run.present()
-        self._view.set_parameters(evaluator.parameter_values)
-        row = output_rows(evaluator, self._view, np.array([self.t]), y[None], len(self._redundant))[0]
-        for place, turn in self._turning:
+        y, _, turns = self._run.present()
+        return self._outputs_at(self.t, y, self._equations.parameters, turns)
+
+    def _outputs_at(self, t: float, y: Array, parameters: Array, turns: Array) -> Array:
+        """Return the output of the kernel 'outputs' at a state (q, u, ...), angles nearest to ``turns``."""
+        evaluator = self._model.evaluator.at(parameters)
+        self._view.set_parameters(parameters)
+        row = output_rows(evaluator, self._view, np.array([t]), y[None], len(self._redundant))[0]
+        for place, turn in self._turning if len(turns) else ():
             row[place] = nearest_turn(row[place], turns[turn])
         return row
+
+    def _state_at(self, t: float, y: Array, parameters: Array) -> State:
+        """Return a state by time [s] and (q, u), with the references of angles among the parameters."""
+        d, n = self._model.description, len(y) // 2
+        references = parameters[d.of_held][: d.windings] if d.windings else None
+        state: State = self._model._state(t, y[:n], y[n:], references)
+        return state
 
     def _cause(self, status: int) -> str:
         return problem(status, self._run, self._equations, self._evaluator, self._chosen)

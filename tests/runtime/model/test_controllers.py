@@ -236,7 +236,6 @@ def test_an_exception_of_a_controller_names_its_time(cart):
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        ({}, "expected sample, the time between two calls"),
         ({"sample": 0.0}, "sample to be a finite number above zero"),
         ({"sample": -1.0}, "sample to be a finite number above zero"),
         ({"sample": np.inf}, "finite number for sample"),
