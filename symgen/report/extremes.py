@@ -67,6 +67,7 @@ class Components:
         *,
         end: bool = False,
         means: Mapping[str, tuple[float, float]] | None = None,
+        exact: Mapping[str, tuple[float, float, float, float]] | None = None,
         mark: Callable[[str, int], str] = lambda name, index: "",
     ) -> Group:
         """Return a table with the minimum and maximum of each component and where they occur.
@@ -83,6 +84,8 @@ class Components:
             Whether to add a column with the last value.
         means
             Mean and root mean square of each component, which become columns.
+        exact
+            Least and greatest value by component, each with its place, instead of those of samples.
         mark
             Function that returns the suffix of a component's value at an index.
         """
@@ -100,12 +103,16 @@ class Components:
             if np.all(np.isnan(values)):
                 continue
             low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
+            small = self._least[of]
             ends = [
                 cell
                 for k in (low, high)
                 for cell in (self.text(values[k]) + mark(name, k), f"{along[k]:.6g}")
             ]
-            small = self._least[of]
+            if exact and name in exact:
+                least, at_least, greatest, at_greatest = exact[name]
+                pairs = (least, at_least), (greatest, at_greatest)
+                ends = [x for y, t in pairs for x in (self.text(0.0 if abs(y) <= small else y), f"{t:.6g}")]
             averaged = [self.text(0.0 if abs(x) <= small else x) for x in means[name]] if means else []
             rows.append((name, of, *([self.text(values[-1])] if end else []), *ends, *averaged))
         return table(title, head, rows, keys=2, apart=2 if means else 0)
@@ -146,6 +153,19 @@ def means(result: Result, of: Mapping[str, Average]) -> dict[str, tuple[float, f
     }
 
 
+def extremes_of(result: Result, of: Mapping[str, Average]) -> dict[str, tuple[float, float, float, float]]:
+    """Return the extremes of a motion over time by component, and their times, in the units of tables."""
+    if result.coordinate.name != "time":
+        return {}
+    names = {name: v for v in result.variables for name in (v.name, *v.names)}
+    sizes = {name: shown_in(names[name].name, names[name].unit, result.units)[1] for name in of}
+    return {
+        name: (x.minimum / sizes[name], x.minimum_at, x.maximum / sizes[name], x.maximum_at)
+        for name, x in of.items()
+        if np.isfinite(x.maximum)
+    }
+
+
 def print_work(result: Result, of: Mapping[str, Average], console: Console) -> None:
     """Print the work of powers, if there are any."""
     from symgen.report.tables import table
@@ -164,6 +184,9 @@ def with_averages(result: Any) -> dict[str, Any]:
     for name, of in averages_of(result).items() if isinstance(result, Result) else ():
         works = {"work": of.work, "positive_work": of.positive_work, "negative_work": of.negative_work}
         known = {word: x for word, x in works.items() if x is not None}
+        if result.coordinate.name == "time" and np.isfinite(of.maximum):
+            ends = ("minimum", "minimum_at", "maximum", "maximum_at")
+            known |= {word: getattr(of, word) for word in ends}
         summary["outputs"][name] |= plain({"mean": of.mean, "mean_error": of.error, "rms": of.rms, **known})
     return summary
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from symgen.report.extremes import Components, averages_of, means, print_work, texts
+from symgen.report.extremes import Components, averages_of, extremes_of, means, print_work, texts
 from symgen.report.tables import events_table, print_notes, run_table, table
 from symgen.runtime.result.result import Result
 
@@ -16,8 +16,9 @@ def print_recorded(result: Result, console: Console) -> None:
     """Print the range of every output of a run, its means over time, and the work of powers."""
     averages = averages_of(result)
     recorded, by_name = Components(result.shown, result.count), means(result, averages)
-    title = f"Recorded outputs, extremes of {result.count} samples"
-    console.print(recorded.extremes(title, result.time, "s", end=True, means=by_name))
+    exact = extremes_of(result, averages)
+    title = f"Recorded outputs, extremes of {'the motion' if exact else f'{result.count} samples'}"
+    console.print(recorded.extremes(title, result.time, "s", end=True, means=by_name, exact=exact))
     print_work(result, averages, console)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -39,6 +40,10 @@ NODES = np.array([*(-x for x in _NODES), 0.0, *reversed(_NODES)])
 KRONROD, GAUSS = (np.array([*of, *reversed(of[:-1])]) for of in (_KRONROD, _GAUSS))
 #: Panels of a prescribed motion at first, most panels of a pass, parts of a divided panel, and most passes.
 _PANELS, _MOST_PANELS, _PARTS, _PASSES = 64, 4_000, 8, 12
+#: Passes in which extremes are refined, and most peaks of an output next to its greatest.
+_REFINED, _PEAKS = 4, 4
+#: Values that differ by this part of the largest are alike: the extreme is at the first of them.
+_ALIKE = 1e-14
 #: Part of the largest output of the same unit below which errors are those of this part.
 _FAINT = 1e-6
 #: Growth of the largest value by divided panels, over which values have no bound.
@@ -47,12 +52,13 @@ _GROWS = 4.0
 
 @dataclass(frozen=True, slots=True)
 class Average:
-    """Mean and root mean square of an output over the time of a motion, in its unit in SI.
+    """Mean, root mean square and extremes of an output over the time of a motion, in its unit in SI.
 
-    Of a power, ``positive_work`` and ``negative_work`` are the integrals [J] over the times at which it is
-    positive and negative, and ``work`` is their sum; None for other outputs. ``error`` is that of the mean,
-    as the quadrature estimates it: of an output that is round-off alone it is as large as the output. nan
-    where the integral does not converge, as over a pole.
+    ``minimum`` and ``maximum``, at ``minimum_at`` and ``maximum_at`` [s], are those of the motion: samples
+    have no effect on them. Of a power, ``positive_work`` and ``negative_work`` are the integrals [J] over the
+    times at which it is positive and negative, and ``work`` is their sum; None for other outputs. ``error``
+    is that of the mean, as the quadrature estimates it: of an output that is round-off alone it is as large
+    as the output. All are nan where the integral does not converge, as over a pole.
     """
 
     mean: float
@@ -60,6 +66,10 @@ class Average:
     positive_work: float | None = None
     negative_work: float | None = None
     error: float = 0.0
+    minimum: float = np.nan
+    minimum_at: float = np.nan
+    maximum: float = np.nan
+    maximum_at: float = np.nan
 
     @property
     def work(self) -> float | None:
@@ -98,8 +108,14 @@ def averages(result: Any, rtol: float = RTOL, *, magnitudes: bool = False) -> di
     known = components(result)
     powers = np.array([[v.unit == "W"] for v in known])
 
+    def values(times: Array) -> Array:
+        return np.array([v.values for v in components(repeat(times))]).reshape(len(known), -1)
+
+    nodes = list[tuple[Array, Array]]()
+
     def integrands(times: Array) -> Array:
-        y = np.array([v.values for v in components(repeat(times))]).reshape(len(known), -1)
+        y = values(times)
+        nodes.append((times, y))
         return np.stack([y, y**2, np.where(powers, np.maximum(y, 0.0), 0.0), np.abs(y)], axis=1)
 
     duration = last - first
@@ -107,15 +123,66 @@ def averages(result: Any, rtol: float = RTOL, *, magnitudes: bool = False) -> di
     scales = np.array([{"J": exchanged * duration, "W": exchanged}.get(v.unit, 0.0) for v in known])
     units = np.array([v.unit for v in known])
     try:
-        sums, errors = integrals(integrands, _panels(result, first, last), rtol, units, scales)
+        panels = _panels(result, first, last)
+        sums, errors = integrals(integrands, panels, rtol, units, scales)
+        try:
+            nodes.append((panels, values(panels)))
+        except SimulationError:  # a pose there may determine no forces; samples omit it
+            nodes.append((result.time, np.array([v.values for v in known]).reshape(len(known), -1)))
+        found = extremes(values, *(np.concatenate(x, axis=-1) for x in zip(*nodes, strict=True)))
     except SimulationError as error:
         raise ResultError(f"the motion has no mean over time: {error}") from error
     by_name = {}
     missed = np.maximum(errors[:, 0], np.finfo(float).eps * sums[:, 3]) / duration
-    for v, (whole, square, positive, _), by in zip(known, sums.tolist(), missed.tolist(), strict=True):
+    found[~np.isfinite(sums[:, 0])] = np.nan
+    rows = zip(known, sums.tolist(), missed.tolist(), found.tolist(), strict=True)
+    for v, (whole, square, positive, _), by, ends in rows:
         up, down = (positive, whole - positive) if v.unit == "W" else (None, None)
-        by_name[v.name] = Average(whole / duration, float(np.sqrt(square / duration)), up, down, by)
+        by_name[v.name] = Average(whole / duration, float(np.sqrt(square / duration)), up, down, by, *ends)
     return by_name
+
+
+def extremes(values: Callable[[Array], Array], times: Array, known: Array) -> Array:
+    """Return least value, its time [s], greatest value and its time of functions of the time, (outputs, 4).
+
+    ``known`` (outputs, times) are values at times, dense enough to show every extreme. Next to the extremes
+    the functions are evaluated again, at the vertices of parabolas through three values.
+    """
+    for passes in range(_REFINED + 1):
+        order = np.argsort(times, kind="stable")
+        order = order[np.diff(times[order], prepend=-np.inf) > 0]
+        times, known = times[order], known[:, order]
+        near = [_near_peaks(times, sign * row) for row in known for sign in (-1.0, 1.0)]
+        new = np.sort(np.concatenate(near))
+        place = np.minimum(np.searchsorted(times, new), len(times) - 1)
+        new = new[(times[place] != new) & (np.diff(new, prepend=-np.inf) > 0)]
+        if not len(new) or passes == _REFINED:
+            break
+        with suppress(SimulationError):  # as above
+            times, known = np.append(times, new), np.append(known, values(new), axis=1)
+    found = np.full((len(known), 4), np.nan)
+    for k, row in enumerate(np.where(np.isfinite(known), known, np.nan)):
+        if not np.all(np.isnan(row)):
+            least, greatest, alike = np.nanmin(row), np.nanmax(row), _ALIKE * np.nanmax(np.abs(row))
+            low, high = np.argmax(row <= least + alike), np.argmax(row >= greatest - alike)  # the first ones
+            found[k] = least, times[low], greatest, times[high]
+    return found
+
+
+def _near_peaks(times: Array, values: Array) -> Array:
+    """Return times [s] next to the greatest values, at which a smooth function may be greater than all."""
+    y = np.where(np.isfinite(values), values, -np.inf)
+    k = 1 + np.flatnonzero((y[1:-1] >= y[:-2]) & (y[1:-1] >= y[2:]) & np.isfinite(y[:-2] + y[2:]))
+    before, after = times[k] - times[k - 1], times[k + 1] - times[k]
+    down, up = (y[k] - y[k - 1]) / before, (y[k + 1] - y[k]) / after
+    bend = (down - up) / (before + after)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shift = np.where(bend > 0, ((down * after + up * before) / (before + after)) / (2 * bend), 0.0)
+    rise = np.maximum(down * before, -up * after)  # more than a smooth function rises between the three
+    k, shift = (x[y[k] + rise >= np.max(y)] for x in (k, shift))
+    k, shift = (x[np.argsort(-y[k], kind="stable")[:_PEAKS]] for x in (k, shift))
+    vertex = np.clip(times[k] + shift, times[k - 1], times[k + 1])
+    return np.concatenate([vertex, (times[k] + times[k - 1]) / 2, (times[k] + times[k + 1]) / 2])
 
 
 def _repeated(result: Any) -> Callable[[Array], Any]:

@@ -115,10 +115,10 @@ class Findings:
         return part
 
     def averages(self, rtol: float = 1e-8) -> dict[str, Average]:
-        """Return mean, root mean square and, of powers, work over time, by component of the outputs.
+        """Return means, root mean squares, extremes and, of powers, work over time, by component.
 
-        The means are over the time from the first sample to the last. The number of samples has no effect on
-        them: the analysis is repeated two or more times at the nodes of a quadrature.
+        They are over the time from the first sample to the last. The number of samples has no effect on them:
+        the analysis is repeated some times at the nodes of a quadrature, and next to extremes.
 
         Parameters
         ----------

@@ -58,6 +58,17 @@ def test_a_harmonic_drive(swinging, verb, samples):
     assert power.positive_work == pytest.approx(2 * inertia * (0.4 * SPEED) ** 2, rel=1e-8)
     assert power.negative_work == pytest.approx(-power.positive_work, rel=1e-8)
     assert power.work == pytest.approx(0.0, abs=1e-8) and torque.work is None
+    peak, most = inertia * 0.4 * SPEED**2, inertia * 0.4**2 * SPEED**3 / 2
+    assert (torque.minimum, torque.maximum) == pytest.approx((-peak, peak), rel=1e-10)
+    assert np.sin(SPEED * np.array([torque.minimum_at, torque.maximum_at])) == pytest.approx(
+        [1, -1], abs=1e-10
+    )
+    assert (power.minimum, power.maximum) == pytest.approx((-most, most), rel=1e-10)
+    assert np.sin(2 * SPEED * np.array([power.minimum_at, power.maximum_at])) == pytest.approx(
+        [1, -1], abs=1e-10
+    )
+    along = found["B.position.x"]
+    assert (along.minimum, along.maximum) == pytest.approx((ARM * math.cos(0.4), ARM), rel=1e-11)
 
 
 def test_over_a_range_of_the_input_the_means_are_over_time():
@@ -102,7 +113,10 @@ def test_a_pulse_of_a_thousandth_of_the_run(method):
     found = run.averages()
     assert found["forces.0.force.x"].mean == pytest.approx(12 * 1e-3, rel=1e-8)
     assert found["forces.0.force.x"].rms == pytest.approx(12 * math.sqrt(1e-3), rel=1e-8)
+    assert (found["forces.0.force.x"].minimum, found["forces.0.force.x"].maximum) == (0.0, 12.0)
+    assert 0.3 <= found["forces.0.force.x"].maximum_at <= 0.301
     energy = 3 * (12 * 1e-3 / 3) ** 2 / 2
+    assert found["energy"].maximum == pytest.approx(energy, rel=1e-8)
     assert found["forces.0.power"].positive_work == pytest.approx(energy, rel=1e-8)
     assert found["energy"].mean == pytest.approx(energy * 0.699 + energy * 1e-3 / 3, rel=1e-8)
 
@@ -258,3 +272,16 @@ def test_a_rise_by_a_profile_and_a_torque_that_jumps(verb):
     assert found[names[1]].rms ** 2 == pytest.approx(120 / 7 / time**3 / end, rel=1e-12)
     if verb == "inverse_dynamics":  # the drive balances 6 N m behind 0.777 s, and inertia of no mean
         assert found[names[2]].mean == pytest.approx(-6 * (end - 0.777) / end, rel=1e-12)
+
+
+def test_printed_extremes_do_not_depend_on_samples():
+    """The slider of the Whitworth mechanism returns at 180 mm and 300 mm, and two samples see neither."""
+    for samples in ("2", "40"):
+        arguments = ["run", "whitworth", "--samples", samples]
+        shown = CliRunner().invoke(app, arguments).stdout
+        row = next(line.split() for line in shown.splitlines() if line.startswith("S.position.x"))
+        assert "extremes of the motion" in shown and (row[3], row[5]) == ("180", "300")
+        of = json.loads(CliRunner().invoke(app, [*arguments, "--json"]).stdout)["outputs"]["S.position.x"]
+        assert (of["minimum"], of["maximum"]) == pytest.approx((0.18, 0.3), rel=1e-9)
+        plain = CliRunner().invoke(app, [*arguments, "--no-means"]).stdout
+        assert f"extremes of {samples} samples" in plain
