@@ -11,23 +11,14 @@ import re
 import sys
 import warnings
 from copy import copy
+from importlib import import_module
 from typing import Annotated, Any
 
 import typer
 from typer.models import CommandInfo
 
-from symgen.cli import (
-    accuracy,
-    analyses,
-    bench,
-    build,
-    design,
-    exporting,
-    inspection,
-    optimising,
-    reporting,
-)
-from symgen.cli.common import FAULT, INTERRUPTED, RUN, SCENE, USAGE, app, tell
+from symgen.cli import common
+from symgen.cli.common import FAULT, INTERRUPTED, RUN, SCENE, USAGE, tell
 from symgen.cli.streams import Ends, discard, open_streams
 from symgen.errors import (
     COMPILE_AGAIN,
@@ -45,30 +36,24 @@ from symgen.errors import (
     SymgenError,
 )
 
-__all__ = [
-    "accuracy",
-    "analyses",
-    "app",
-    "bench",
-    "build",
-    "design",
-    "exporting",
-    "inspection",
-    "main",
-    "optimising",
-    "reporting",
-]
-
-#: The commands in the order and the groups of --help.
-_GROUPS = {
-    "Analyses": "run simulate kinematics inverse_dynamics equilibrium modes linearise sensitivity assemblies",
-    "Elastic links": "periodic quasi_static large_rotation speed_response",
-    "Scenes": "new scenes units schema sweep optimise synthesise",
-    "Pages and drawings": "report animate live draw",
-    "Equations": "show explain diff",
-    "Kernels": "build generate export",
-    "Checks": "accuracy bench",
-}
+#: The commands in the order of --help: their group, the module that declares them, and their names.
+_COMMANDS = (
+    ("Analyses", "analyses", "run simulate kinematics inverse_dynamics equilibrium modes linearise"),
+    ("Analyses", "analyses", "sensitivity assemblies"),
+    ("Elastic links", "analyses", "periodic quasi_static large_rotation speed_response"),
+    ("Scenes", "inspection", "new scenes units schema"),
+    ("Scenes", "design", "sweep"),
+    ("Scenes", "optimising", "optimise"),
+    ("Scenes", "design", "synthesise"),
+    ("Pages and drawings", "reporting", "report animate live draw"),
+    ("Equations", "inspection", "show explain diff"),
+    ("Kernels", "build", "build generate"),
+    ("Kernels", "exporting", "export"),
+    ("Checks", "accuracy", "accuracy"),
+    ("Checks", "bench", "bench"),
+)
+_GROUP_OF = {name: group for group, _, names in _COMMANDS for name in names.split()}
+_MODULE_OF = {name: module for _, module, names in _COMMANDS for name in names.split()}
 
 
 def _name(command: CommandInfo) -> str:
@@ -76,12 +61,25 @@ def _name(command: CommandInfo) -> str:
     return getattr(command.callback, "__name__", "")
 
 
-_GROUP_OF = {name: group for group, names in _GROUPS.items() for name in names.split()}
-app.registered_commands.sort(key=lambda command: [*_GROUP_OF].index(_name(command)))
-for _command in app.registered_commands:
-    _command.rich_help_panel = _GROUP_OF[_name(_command)]
-    # Typer keeps line breaks within the paragraphs of help.
-    _command.help = re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.cleandoc(_command.callback.__doc__ or ""))
+def _loaded(*modules: str) -> typer.Typer:
+    """Return the application with the commands that these modules declare, in their order and groups."""
+    for module in modules:
+        import_module(f"symgen.cli.{module}")
+    commands = common.app.registered_commands
+    commands.sort(key=lambda command: [*_GROUP_OF].index(_name(command)))
+    for command in commands:
+        command.rich_help_panel = _GROUP_OF[_name(command)]
+        # Typer keeps line breaks within the paragraphs of help.
+        command.help = re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.cleandoc(command.callback.__doc__ or ""))
+    return common.app
+
+
+def __getattr__(name: str) -> Any:
+    """Return the whole application, ``app``; a command alone is loaded without the others."""
+    if name != "app":
+        raise AttributeError(f"module 'symgen.cli' has no attribute {name!r}")
+    return globals().setdefault(name, _loaded(*_MODULE_OF.values()))
+
 
 #: Exit codes of errors, which their subclasses share; that of all others is 2, wrong usage.
 _EXIT_CODES: dict[type[SymgenError], int] = {
@@ -212,15 +210,16 @@ def _option(argument: str) -> str:
 
 def _only(word: list[str]) -> typer.Typer:
     """Return only the command that is named, if any: Typer is slow for many options."""
-    named = [c for c in app.registered_commands if [_name(c).replace("_", "-")] == word]
+    named = [name for name in _MODULE_OF if [name.replace("_", "-")] == word]
     if not named:
-        return app
-    alone = copy(app)
-    alone.registered_commands, alone.registered_groups = named, []
+        return _loaded(*_MODULE_OF.values())
+    alone = copy(_loaded(_MODULE_OF[named[0]]))
+    alone.registered_commands = [c for c in alone.registered_commands if _name(c) in named]
+    alone.registered_groups = []
     return alone
 
 
-@app.callback(invoke_without_command=True)
+@common.app.callback(invoke_without_command=True)
 def _version(
     ctx: typer.Context, version: Annotated[bool, typer.Option("--version", help="Print the version.")] = False
 ) -> None:

@@ -25,8 +25,8 @@ def run(ctx: typer.Context) -> None:
     over its input, with all forces. The other commands select the analysis and have all of its options.
     """
     request = CommandRequest(ctx)
-    supported = request.model.capabilities
-    verb = next((v for v in ("simulate", "inverse_dynamics", "kinematics") if v in supported), "simulate")
+    verbs = "simulate", "inverse_dynamics", "kinematics"
+    verb = next((v for v in verbs if hasattr(request.model, v)), "simulate")
     if verb == "kinematics" and request.types:
         raise ModelError(f"{request.shown(request.types)}: kinematics is computed in double precision")
     if verb == "simulate" or "t_end" not in request.options:

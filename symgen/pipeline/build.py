@@ -15,7 +15,6 @@ from symgen.errors import ModelError, SceneError, SlowBackendWarning
 from symgen.methods import method_of
 from symgen.pipeline import parameters as tuning
 from symgen.pipeline.analysis import kernels_of_analysis
-from symgen.pipeline.describe import describe, with_start
 from symgen.pipeline.source import Source
 from symgen.pipeline.systems import derive, system_of
 from symgen.pipeline.user_system import is_user_file
@@ -325,6 +324,8 @@ def compile_scene(text: SceneText, tools: BuildSettings, folder: Path) -> tuple[
 
 
 def _of_resolved(resolved: Linkage | Loop, tools: BuildSettings, folder: Path) -> tuple[Any, Library]:
+    from symgen.pipeline.describe import describe, with_start
+
     with no_collection():
         system = system_of(resolved)  # Linkage | Loop -> System
     # System -> Program -> (SourceFile, ...) -> compilers at work, while the runtime is loaded -> Library

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any
 
-from rich.box import SIMPLE_HEAD
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, Group, RenderResult
-from rich.table import Table
 from rich.text import Text
 
 from symgen.runtime.result.result import Result
 
 #: Blanks between columns.
 _GAP = 2
+#: Line below the headings.
+_RULE = "\N{BOX DRAWINGS LIGHT HORIZONTAL}"
 #: A column of text is not wrapped to fewer characters.
 _TEXT = 24
 
@@ -65,30 +65,49 @@ class _Fitted:
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         for block in self._blocks(options.max_width):
-            table = Table(
-                header_style="bold",
-                show_header=any(self.columns),
-                box=SIMPLE_HEAD,
-                show_edge=False,
-                pad_edge=False,
-                collapse_padding=True,
-            )
-            for i, width in zip(block, self._shares(block, options.max_width), strict=True):
-                justify: Literal["left", "right"] = "left" if i in self._texts else "right"
-                table.add_column(Text(self.columns[i]), justify=justify, overflow="fold", width=width)
-            for row in self.rows:
-                table.add_row(*(Text(row[i]) for i in block))
-            yield table
+            widths = dict(zip(block, self._shares(block, options.max_width), strict=True))
+            if any(self.columns):
+                yield Text("\n".join(self._lines(self.columns, widths, console, bottom=True)), "bold")
+                yield Text(("-" if options.ascii_only else _RULE) * self._total(block, widths))
+            if self.rows:
+                yield Text("\n".join(line for row in self.rows for line in self._lines(row, widths, console)))
 
-    def _total(self, block: Sequence[int], widths: Sequence[int]) -> int:
+    def _lines(
+        self, row: Sequence[str], widths: Mapping[int, int], console: Console, bottom: bool = False
+    ) -> Iterator[str]:
+        """Yield the lines of a row, its cells wrapped to the ``widths`` of their columns.
+
+        ``bottom`` aligns cells of fewer lines with the last line.
+        """
+        cells = [
+            [row[i]]
+            if cell_len(row[i]) <= width
+            else [line.plain.rstrip() for line in Text(row[i]).wrap(console, width, overflow="fold")]
+            for i, width in widths.items()
+        ]
+        most = max(map(len, cells))
+        blank = ([""] * (most - len(cell)) for cell in cells)
+        full = ([*no, *cell] if bottom else [*cell, *no] for no, cell in zip(blank, cells, strict=True))
+        for parts in zip(*full, strict=True):
+            line = []
+            for (i, width), part in zip(widths.items(), parts, strict=True):
+                blanks = " " * (width - cell_len(part))
+                line.append(part + blanks if i in self._texts else blanks + part)
+            yield (" " * _GAP).join(line).rstrip()
+
+    def _total(self, block: Sequence[int], widths: Sequence[int] | Mapping[int, int]) -> int:
         return sum(widths[i] for i in block) + _GAP * (len(block) - 1)
 
     def _shares(self, block: Sequence[int], width: int) -> Iterator[int]:
-        """Yield widths of columns: whole if they fit, else headings are wrapped, and text has the rest."""
+        """Yield widths of columns: whole if they fit, else headings are wrapped, and text has the rest.
+
+        On a terminal that is too narrow for the longest words, columns of text have half their width.
+        """
         whole = self._total(block, self._widths) <= width
-        room = max(width - self._total(block, self._least), 0)
+        room = width - self._total(block, self._least)
         for i in block:
             more = min(self._widths[i] - self._least[i], room) if whole or i in self._texts else 0
+            more = max(more, -(self._least[i] // 2))
             room -= more
             yield self._least[i] + more
 

@@ -21,13 +21,13 @@ from symgen.runtime.integrate.options import initial_state, sample_count
 from symgen.runtime.integrate.pace import Progress, limited, uncounted
 from symgen.runtime.kernels.arguments import real, reals
 from symgen.runtime.kernels.description import Description
-from symgen.runtime.model.arguments import (
+from symgen.runtime.model.arguments import takes
+from symgen.runtime.model.elastic_arguments import (
     ElasticArguments,
     ElasticRun,
     LargeRotation,
     Periodic,
     QuasiStatic,
-    takes,
 )
 from symgen.runtime.model.model import Model
 

@@ -15,7 +15,6 @@ from symgen.errors import Interrupted, ModelError, ResultError, SimulationError
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.checkpoint import CheckpointOptions, Checkpoints, RunCheckpoints, mark_of
-from symgen.runtime.integrate.failures import problem
 from symgen.runtime.integrate.options import Options, recorded_at
 from symgen.runtime.integrate.pace import ENDS, OUT_OF_TIME, Pace, Progress
 from symgen.runtime.integrate.redundancy import slack
@@ -114,6 +113,8 @@ def run(
         return Result._later(of)
 
     def cause(status: int) -> str:
+        from symgen.runtime.integrate.failures import problem
+
         return problem(status, stepper, equations, evaluator, chosen)
 
     return carried_out(stepper, t0, chosen, progress, keeping, mark, repeated, recorded, cause)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from symgen.errors import ModelError, OptionsError
@@ -38,7 +37,7 @@ def takes(record: type) -> Callable[[F], F]:
     return declared
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Checkpointed:
     """Checkpoints, wall time and progress of a run."""
 
@@ -53,7 +52,7 @@ class Checkpointed:
         return keeping(self.checkpoint, self.checkpoint_every, self.resume)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class RunArguments(Checkpointed):
     """A run of a loop."""
 
@@ -103,14 +102,14 @@ class RunArguments(Checkpointed):
         )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class LinkageRun(RunArguments):
     """A run of a linkage of points and links."""
 
     stabilisation_rate: float | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Stepping:
     """A motion that advances by calls."""
 
@@ -127,7 +126,7 @@ class Stepping:
         return options(_HORIZON, *numbers, 2, 1_000_000_000, max_step=self.max_step)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Range:
     """Values or a range of the input or the time."""
 
@@ -137,7 +136,7 @@ class Range:
     over: str | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PosesArguments(Range):
     """Poses of a loop."""
 
@@ -145,7 +144,7 @@ class PosesArguments(Range):
     through: bool = False
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class LinkageRange(Range):
     """Poses of a linkage from a state.
 
@@ -165,7 +164,7 @@ class LinkageRange(Range):
         return replace(found, spread=found.at is None and not self.common)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class LinkageMotion(LinkageRange):
     """Motion of a linkage."""
 
@@ -179,7 +178,7 @@ class LinkageMotion(LinkageRange):
         return replace(found, spread=found.spread and not self.through)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class LinkageForces(LinkageRange):
     """Forces in a linkage."""
 
@@ -187,7 +186,7 @@ class LinkageForces(LinkageRange):
     sections: Sequence[float] = (0.5,)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Derivatives:
     """Derivatives of outputs by parameters, at a pose or along a run."""
 
@@ -227,93 +226,9 @@ class Derivatives:
         return times, options(*arguments, max_step=self.max_step)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class LinkageDerivatives(Derivatives):
     """Derivatives of outputs of a linkage."""
 
     coordinates: Sequence[str] = ()
     integrals: Sequence[str] = ()
-
-
-@dataclass(frozen=True, kw_only=True)
-class ElasticArguments:
-    """Elastic motion along the revolution of a crank."""
-
-    at: ArrayLike | None = None
-    form: str = "exact"
-    geometric_stiffness: bool = True
-    max_wall: float | None = None
-    progress: Progress | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class QuasiStatic(ElasticArguments):
-    """Elastic motion without its own inertia."""
-
-    samples: int = 361
-    revolutions: float = 1.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class _InSteps(ElasticArguments):
-    steps: int | None = None
-    rtol: float | None = None
-    max_step: float | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Periodic(_InSteps):
-    """Steady state."""
-
-    samples: int = 361
-
-
-@dataclass(frozen=True, kw_only=True)
-class ElasticRun(Checkpointed, _InSteps):
-    """Elastic motion in time."""
-
-    method: str = "gauss"
-    t_end: float | None = None
-    samples: int | None = None
-    t_eval: ArrayLike | None = None
-    revolutions: float | None = None
-    initial: str | Sequence[float] = "undeformed"
-
-    @property
-    def in_large_rotation(self) -> LargeRotation | None:
-        """The same run in large rotation in place of linear theory; None for options that it lacks."""
-        shared = {f.name for f in fields(LargeRotation)} & {f.name for f in fields(self)}
-        others = ((getattr(self, f.name), f.default) for f in fields(self) if f.name not in shared)
-        # A list or an array is no default.
-        if any(np.ndim(value) or value != default for value, default in others):
-            return None
-        options = {name: getattr(self, name) for name in shared}
-        return LargeRotation(**options | {"samples": sample_count(self.samples, None, 361)})
-
-
-@dataclass(frozen=True, kw_only=True)
-class Refined:
-    """Elements in large rotation, with steps by their error."""
-
-    rtol: float | None = None
-    samples: int = 361
-    max_step: float | None = None
-    max_wall: float | None = None
-    progress: Progress | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class LargeRotation(Checkpointed, Refined):
-    """Elastic links in large rotation."""
-
-    elements: int | None = None
-    t_end: float | None = None
-    revolutions: float | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunInSpace(Refined):
-    """Elastic links in space."""
-
-    t_end: float | None = None
-    initial: str | Sequence[float] = "undeformed"

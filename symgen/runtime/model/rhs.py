@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from symgen.errors import ModelError
+from symgen.errors import ModelError, shown
 from symgen.runtime._rhs import Rhs
 from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.integrate.redundancy import slack
@@ -86,7 +86,7 @@ def low_level(function: int, equations: int, owner: Rhs) -> Any:
 
 
 def rows(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """Return finite numbers of a shape; raise ModelError. An empty shape permits any number of times."""
+    """Return finite numbers of a shape; raise ModelError. With an empty shape they rise."""
     try:
         array = np.ascontiguousarray(values, dtype=float)
     except (TypeError, ValueError):
@@ -99,6 +99,8 @@ def rows(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
         raise ModelError(f"expected {name} of {words}, got shape {array.shape}{turned}")
     if not np.isfinite(array).all():
         raise ModelError(f"expected finite numbers for {name}, got {array[~np.isfinite(array)][0]}")
+    if not shape and not np.all(np.diff(array) > 0):
+        raise ModelError(f"expected increasing {name}, got {shown(array.tolist())}")
     return array
 
 

@@ -17,7 +17,7 @@ from symgen.runtime.elastic.large.linkage import LargeLinkage
 from symgen.runtime.elastic.large.passes import refined_run
 from symgen.runtime.elastic.large.run import counted, large_motion, least_steps, outputs
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.model.arguments import LargeRotation
+from symgen.runtime.model.elastic_arguments import LargeRotation
 from symgen.runtime.result.modes import AssembledMatrices, LabelledMatrix
 from symgen.runtime.result.records import Variable
 

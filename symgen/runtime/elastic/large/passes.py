@@ -24,7 +24,7 @@ from symgen.runtime.integrate.pace import OutOfTime, Progress, limited, out_of_t
 from symgen.runtime.kernels.arguments import count as whole
 from symgen.runtime.kernels.arguments import real
 from symgen.runtime.kernels.typed import build_settings
-from symgen.runtime.model.arguments import Refined
+from symgen.runtime.model.elastic_arguments import Refined
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.recording import motion, notes_on_events
 from symgen.runtime.result.records import Coordinate, Drift, LocatedEvent, Variable, of_model

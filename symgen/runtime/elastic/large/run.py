@@ -23,7 +23,7 @@ from symgen.runtime.elastic.steps import check_revolutions, turn
 from symgen.runtime.integrate.pace import unlimited
 from symgen.runtime.kernels.arguments import count as whole
 from symgen.runtime.kernels.arguments import real
-from symgen.runtime.model.arguments import LargeRotation
+from symgen.runtime.model.elastic_arguments import LargeRotation
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.equilibrium import Equilibrium
 from symgen.runtime.result.records import Variable

@@ -19,7 +19,8 @@ from symgen.runtime.elastic.space.outputs import outputs
 from symgen.runtime.integrate.options import end_of_scene, initial_state
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.kernels.arguments import real
-from symgen.runtime.model.arguments import RunInSpace, takes
+from symgen.runtime.model.arguments import takes
+from symgen.runtime.model.elastic_arguments import RunInSpace
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.modes import ElasticModes
 from symgen.runtime.result.records import Variable, over_time

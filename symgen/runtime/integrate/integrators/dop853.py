@@ -135,7 +135,7 @@ def _dense(b: Exact) -> Exact:
     basis = np.array([1])
     for i, row in enumerate(rows):
         basis = np.convolve(basis, x if i % 2 == 0 else rest)
-        dense += np.outer(row, np.pad(basis[1:], (0, 7 - len(basis[1:]))))
+        dense[:, : i + 1] += np.outer(row, basis[1:])
     return dense
 
 

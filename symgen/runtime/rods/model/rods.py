@@ -25,7 +25,6 @@ from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import Accelerations, State, finite, reactions_at
 from symgen.runtime.rods.model.linkage import LinkageModel
 from symgen.runtime.rods.start import Start, start
-from symgen.runtime.rods.stepper import LinkageStepper, controlled_run
 
 if TYPE_CHECKING:
     from symgen.runtime._rhs import Rhs
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
     from symgen.runtime.linearisation.tangents import LinkageTangents
     from symgen.runtime.result.equilibrium import Equilibrium, Modes
     from symgen.runtime.result.forces import Forces
+    from symgen.runtime.rods.stepper import LinkageStepper
 
 
 @checked
@@ -91,7 +91,6 @@ class RodModel(LinkageModel):
 
         ``typed`` selects the number type of the model, otherwise doubles.
         """
-        d = self.description
         redundant = self._stored_start().redundant
         equations = self.evaluator.equations(len(redundant))
         row = np.concatenate([q, u, [0.0, 0.0]])
@@ -101,7 +100,7 @@ class RodModel(LinkageModel):
         if status != _core.DONE:
             name = "a redundant constraint is independent of the others there"
             if equations.lost == equations.redundant:
-                name = f"{d.unknown(equations.weakest)} is not independent of the others"
+                name = f"{self.description.unknown(equations.weakest)} is not independent of the others"
             raise ModelError(
                 f"the equations of motion are singular at t = {t:g} s, so accelerations are not "
                 f"determined: {name}"
@@ -140,8 +139,6 @@ class RodModel(LinkageModel):
         t = rows("times", times, ())
         y = rows("states", states, (len(t), 2 * self.description.coordinates + self.description.windings))
         u = None if inputs is None else rows("inputs", inputs, (len(t), len(self.description.inputs)))
-        if not np.all(np.diff(t) > 0):
-            raise ModelError(f"{self.name}: expected increasing times for record")
         return recorded(self.evaluator, len(self.redundant), t, y, u, method="external", backend=self.backend)
 
     def _tangents(
@@ -289,10 +286,9 @@ class RodModel(LinkageModel):
         from symgen.runtime.rods.forces.in_space import analyse as analyse_in_space
 
         begin = self.initial_state() if request.state is None else request.state
-        redundant = len(self._stored_start().redundant)
         if len(self.description.axes) > 2:
-            return analyse_in_space(self.constraints(), begin, redundant, request)
-        return analyse(self.constraints(), self.analysis("forces"), begin, redundant, request)
+            return analyse_in_space(self.constraints(), begin, len(self.redundant), request)
+        return analyse(self.constraints(), self.analysis("forces"), begin, len(self.redundant), request)
 
     def _equilibrium(
         self, state: State | None = None, at: float | None = None, stable: bool = True
@@ -319,6 +315,8 @@ class RodModel(LinkageModel):
 
     @takes(Stepping)
     def _stepper(self, request: Stepping) -> LinkageStepper:
+        from symgen.runtime.rods.stepper import LinkageStepper
+
         return LinkageStepper(self, request.options(), request.state)
 
     @takes(LinkageRun)
@@ -326,6 +324,8 @@ class RodModel(LinkageModel):
         chosen = request.options(self.description.t_end, self._type, request.stabilisation_rate, self._series)
         with limited(request.max_wall):
             if request.controlled:
+                from symgen.runtime.rods.stepper import controlled_run
+
                 return controlled_run(self, request, chosen)
             tangent = self.analysis("tangent", stepping=True) if chosen.method.needs_tangent else None
             start, kernels = self._stored_start(), self.counting(request.state).evaluator
