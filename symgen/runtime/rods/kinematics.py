@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -25,7 +25,7 @@ from symgen.runtime.rods.following.jumps import check_drives
 from symgen.runtime.rods.following.singular import TURNING, monotone, singular_poses
 from symgen.runtime.rods.meshing import slips
 from symgen.runtime.rods.poses import Poses, angles_in_loads, counted
-from symgen.runtime.rods.recorded_motion import CurvePositions, chosen_names, recorded
+from symgen.runtime.rods.recorded_motion import CurvePositions, Followed, chosen_names, recorded
 
 #: Largest number of steps along the curve of poses.
 MOST_STEPS = 1_000_000
@@ -63,23 +63,6 @@ def driven(constraints: Constraints, q: Array, t: float) -> None:
 
 def _count(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
-
-
-@dataclass(frozen=True, slots=True)
-class Followed:
-    """What following gave: samples, singular poses, and ranges of time [s] that were not reached.
-
-    ``path`` are poses along the curve, ``near`` the number of the one next to each sample, ``start`` that of
-    the pose at which the motion starts.
-    """
-
-    samples: Poses
-    near: Indices
-    path: Poses
-    start: int
-    poses: list[SingularPose]
-    unassemblable: list[Range]
-    out_of_reach: list[Range]
 
 
 def analyse(
@@ -123,9 +106,7 @@ def analyse(
         constraints,
         samples,
         CurvePositions(constraints.description, constraints.moving(followed.path)[0], near, followed.start),
-        followed.poses,
-        followed.unassemblable,
-        followed.out_of_reach,
+        followed,
         chosen,
         instants.stop,
         instants.over if instants.at is not None else "time",

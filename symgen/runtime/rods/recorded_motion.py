@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -41,6 +42,23 @@ class CurvePositions:
         lines = self.places[..., j, :] - self.places[..., i, :]
         whole = continuous(np.arctan2(lines[..., 1], lines[..., 0]), self.start)
         return nearest_turn(angles, whole[..., self.near])
+
+
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """What following gave: samples, singular poses, and ranges of time [s] that were not reached.
+
+    ``path`` are poses along the curve, ``near`` the number of the one next to each sample, ``start`` that of
+    the pose at which the motion starts.
+    """
+
+    samples: Poses
+    near: Indices
+    path: Poses
+    start: int
+    poses: list[SingularPose]
+    unassemblable: list[Range]
+    out_of_reach: list[Range]
 
 
 #: Recorded quantities of a point, a link, and a corner.
@@ -97,9 +115,7 @@ def recorded(
     constraints: Constraints,
     samples: Poses,
     along: CurvePositions,
-    poses: list[SingularPose],
-    unassemblable: Sequence[Range],
-    out_of_reach: Sequence[Range],
+    followed: Followed,
     chosen: Mapping[str, Sequence[str]],
     stop: float,
     over: str,
@@ -125,27 +141,47 @@ def recorded(
         variables += [x for x in outputs if x.name in d.scene_outputs and x.name in chosen]
     turning = constraints.turning(samples) if {*chosen} & {*d.links} else {}
     variables += [x for x in of_names(d, chosen, along.counted, turning, r, v, a) if x.name not in used_names]
-    coordinate, variables = coordinate_of(
-        samples.times, variables, next(iter(units), "") if over == "input" else ""
-    )
+    drive = next(iter(units), "") if over == "input" else ""
+    method = "continuation"
+    return Motion(**over_poses(constraints, samples, followed, variables, drive, method, stop, began))
+
+
+def over_poses(
+    constraints: Constraints,
+    poses: Poses,
+    followed: Followed,
+    variables: Sequence[Variable],
+    drive: str,
+    method: str,
+    stop: float,
+    began: float,
+    **statistics: Any,
+) -> dict[str, Any]:
+    """Return the fields of a result over poses: over the output ``drive``, or the time without one.
+
+    ``stop`` is the end of the range [s], ``began`` the reading of ``perf_counter`` at the beginning [s].
+    """
+    d, evaluator = constraints.description, constraints.evaluator
+    coordinate, others = coordinate_of(poses.times, variables, drive)
     used = evaluator.parameter_values.tolist()
-    return Motion(
-        **of_model(d, used, method="continuation", t_end=stop, backend=evaluator.library.backend),
-        axes=d.axes,
-        coordinate=coordinate,
-        variables=tuple(variables),
-        drift=Drift(*constraints.errors(samples)),
-        final=of_points(d, r[-1], v[-1]),
-        statistics={
-            "t": float(samples.times[-1]),
-            "steps": len(samples),
-            "singular_poses": [asdict(p) for p in poses],
-            "unassemblable": [list(r) for r in unassemblable],
-            "out_of_reach": [list(r) for r in out_of_reach],
+    return {
+        **of_model(d, used, method=method, t_end=stop, backend=evaluator.library.backend),
+        "axes": d.axes,
+        "coordinate": coordinate,
+        "variables": tuple(others),
+        "drift": Drift(*constraints.errors(poses)),
+        "final": of_points(d, *(x[-1] for x in constraints.moving(poses[np.array([-1])]))),
+        "statistics": {
+            "t": float(poses.times[-1]),
+            "steps": len(poses),
+            **statistics,
+            "singular_poses": [asdict(p) for p in followed.poses],
+            "unassemblable": [list(r) for r in followed.unassemblable],
+            "out_of_reach": [list(r) for r in followed.out_of_reach],
             "wall_s": perf_counter() - began,
         },
-        times=None if coordinate.name == "time" else samples.times,
-    )
+        "times": None if coordinate.name == "time" else poses.times,
+    }
 
 
 def coordinate_of(

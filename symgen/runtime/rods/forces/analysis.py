@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from time import perf_counter
 
@@ -19,16 +19,16 @@ from symgen.runtime.model.arguments import LinkageForces
 from symgen.runtime.model.instants import Instants
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.forces import Forces
-from symgen.runtime.result.recording import of_points, outputs_by_group
-from symgen.runtime.result.records import Drift, Variable, converters, of_model
+from symgen.runtime.result.recording import outputs_by_group
+from symgen.runtime.result.records import Variable, converters
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.forces.assembly import Assembly, ForceSolution, Unknown, solve
 from symgen.runtime.rods.forces.efforts import efforts
 from symgen.runtime.rods.forces.multipliers import by_multipliers
-from symgen.runtime.rods.kinematics import Followed, driven, follow, with_references
+from symgen.runtime.rods.kinematics import driven, follow, with_references
 from symgen.runtime.rods.poses import Poses
-from symgen.runtime.rods.recorded_motion import CurvePositions, coordinate_of
+from symgen.runtime.rods.recorded_motion import CurvePositions, Followed, over_poses
 
 #: Most elements of a link.
 _MOST_ELEMENTS = 1000
@@ -361,40 +361,18 @@ def _recorded(
     notes: Sequence[str],
     began: float,
 ) -> Forces:
-    d, constraints = linkage.constraints.description, linkage.constraints
+    constraints = linkage.constraints
     drive = next(iter(linkage.drives(0.0)), "") if over.over == "input" else ""
-    times = poses.times
     forces = [*efforts(constraints, poses), *_variables(linkage, assembly, solution, request)]
     known = {v.name for v in forces}
     chosen = selected(constraints, linkage.redundant, poses, followed)
     forces += (v for v in chosen if v.name not in known)
-    coordinate, variables = coordinate_of(times, forces, drive)
-    return Forces(
-        **of_model(
-            d,
-            constraints.evaluator.parameter_values.tolist(),
-            method="elements",
-            t_end=over.stop,
-            backend=constraints.evaluator.library.backend,
-        ),
-        axes=d.axes,
-        coordinate=coordinate,
-        variables=tuple(variables),
-        drift=Drift(*constraints.errors(poses)),
-        final=of_points(d, *(x[-1] for x in constraints.moving(poses))),
-        statistics={
-            "t": float(poses.times[-1]),
-            "steps": len(poses),
-            "elements": request.elements,
-            "unknowns": assembly.size,
-            "condition": solution.condition,
-            "worst_at": linkage.at(assembly.times[solution.worst]),
-            "residual": solution.residual,
-            "singular_poses": [asdict(p) for p in followed.poses],
-            "unassemblable": [list(r) for r in followed.unassemblable],
-            "out_of_reach": [list(r) for r in followed.out_of_reach],
-            "wall_s": perf_counter() - began,
-        },
-        notes=tuple(notes),
-        times=None if coordinate.name == "time" else times,
-    )
+    fields = over_poses(
+        constraints, poses, followed, forces, drive, "elements", over.stop, began,
+        elements=request.elements,
+        unknowns=assembly.size,
+        condition=solution.condition,
+        worst_at=linkage.at(assembly.times[solution.worst]),
+        residual=solution.residual,
+    )  # fmt: skip
+    return Forces(**fields, notes=tuple(notes))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
@@ -12,14 +12,13 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.causes import dead_points
 from symgen.runtime.model.arguments import LinkageForces
 from symgen.runtime.result.forces import Forces
-from symgen.runtime.result.recording import of_points
-from symgen.runtime.result.records import Drift, Variable, converters, of_model
+from symgen.runtime.result.records import Variable, converters
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.forces.analysis import sampled, selected, solutions, why
 from symgen.runtime.rods.kinematics import driven, follow, with_references
 from symgen.runtime.rods.poses import Poses
-from symgen.runtime.rods.recorded_motion import coordinate_of
+from symgen.runtime.rods.recorded_motion import over_poses
 
 #: Condition of the constraints beyond which they do not determine forces.
 _LOST = 1e9
@@ -79,34 +78,16 @@ def analyse(constraints: Constraints, begin: State, redundant: int, request: Lin
         if not np.all(finite):
             t = float(poses.times[~finite][0])
             raise SimulationError(f"no finite {v.name} at {at(t)}: {why(constraints, poses, t)}", time=t)
-    coordinate, variables = coordinate_of(
-        poses.times, variables, next(iter(drives), "") if over.over == "input" else ""
-    )
     worst = int(np.argmax(conditions))
-    evaluator = constraints.evaluator
-    used = evaluator.parameter_values.tolist()
-    return Forces(
-        **of_model(d, used, method="multipliers", t_end=over.stop, backend=evaluator.library.backend),
-        axes=d.axes,
-        coordinate=coordinate,
-        variables=tuple(variables),
-        drift=Drift(*constraints.errors(poses)),
-        final=of_points(d, *(x[-1] for x in constraints.moving(poses))),
-        statistics={
-            "t": float(poses.times[-1]),
-            "steps": len(poses),
-            "elements": 0,
-            "condition": float(conditions[worst]),
-            "worst_at": at(float(poses.times[worst])),
-            "residual": _disagreement(constraints, redundant, poses),
-            "singular_poses": [asdict(p) for p in followed.poses],
-            "unassemblable": [list(r) for r in followed.unassemblable],
-            "out_of_reach": [list(r) for r in followed.out_of_reach],
-            "wall_s": perf_counter() - began,
-        },
-        notes=tuple(notes),
-        times=None if coordinate.name == "time" else poses.times,
-    )
+    drive = next(iter(drives), "") if over.over == "input" else ""
+    fields = over_poses(
+        constraints, poses, followed, variables, drive, "multipliers", over.stop, began,
+        elements=0,
+        condition=float(conditions[worst]),
+        worst_at=at(float(poses.times[worst])),
+        residual=_disagreement(constraints, redundant, poses),
+    )  # fmt: skip
+    return Forces(**fields, notes=tuple(notes))
 
 
 def _conditions(constraints: Constraints, poses: Poses) -> Array:
