@@ -31,52 +31,24 @@ ADDRESSES = {
 
 point = function(
     "point", ADDRESSES["point"], (0, 1, 0, 0, 0, 258), ('q',),
-    """constants of a link by a unit mass, force, axial force and moment of inertia at x.
-
-    0 operations.
-
-    Parameters
-    ----------
-    q
-        1 entries.
-    out
-        258 entries, made when absent.
-        0 to 35: point_mass (6 x 6) [1; *m per angle, *m^2 per curvature], of mass.
-        36 to 71: point_gyroscopic (6 x 6) [1; *m per angle, *m^2 per curvature], of gyroscopic.
-        72 to 107: point_geometric0 (6 x 6) [1; *m per angle, *m^2 per curvature], of geometric0.
-        108 to 113: point_load_x (6 x 1) [1; *m per angle, *m^2 per curvature], of load_x.
-        114 to 119: point_load_y (6 x 1) [1; *m per angle, *m^2 per curvature], of load_y.
-        120 to 125: point_load_out (6 x 1) [1; *m per angle, *m^2 per curvature], of load_out.
-        126 to 131: point_load_turn (6 x 1) [1; *m per angle, *m^2 per curvature], of load_turn.
-        132 to 137: point_force_x (6 x 1) [1; *m per angle, *m^2 per curvature], of force_x.
-        138 to 143: point_force_y (6 x 1) [1; *m per angle, *m^2 per curvature], of force_y.
-        144 to 179: point_follower_x (6 x 6) [1; *m per angle, *m^2 per curvature], of follower_x.
-        180 to 215: point_follower_y (6 x 6) [1; *m per angle, *m^2 per curvature], of follower_y.
-        216 to 251: point_rotary_mass (6 x 6) [1; *m per angle, *m^2 per curvature], of rotary_mass.
-        252 to 257: point_rotary_load_turn (6 x 1) [1; *m per angle, *m^2 per curvature], of rotary_load_turn.
-
-    Returns
-    -------
-    out
-    """,
+    """constants of a link by a unit mass, force, axial force and moment of inertia at x.""", """0 operations.""",
+    """0 to 35: point_mass (6 x 6) [1; *m per angle, *m^2 per curvature], of mass.""",
+    """36 to 71: point_gyroscopic (6 x 6) [1; *m per angle, *m^2 per curvature], of gyroscopic.""",
+    """72 to 107: point_geometric0 (6 x 6) [1; *m per angle, *m^2 per curvature], of geometric0.""",
+    """108 to 113: point_load_x (6 x 1) [1; *m per angle, *m^2 per curvature], of load_x.""",
+    """114 to 119: point_load_y (6 x 1) [1; *m per angle, *m^2 per curvature], of load_y.""",
+    """120 to 125: point_load_out (6 x 1) [1; *m per angle, *m^2 per curvature], of load_out.""",
+    """126 to 131: point_load_turn (6 x 1) [1; *m per angle, *m^2 per curvature], of load_turn.""",
+    """132 to 137: point_force_x (6 x 1) [1; *m per angle, *m^2 per curvature], of force_x.""",
+    """138 to 143: point_force_y (6 x 1) [1; *m per angle, *m^2 per curvature], of force_y.""",
+    """144 to 179: point_follower_x (6 x 6) [1; *m per angle, *m^2 per curvature], of follower_x.""",
+    """180 to 215: point_follower_y (6 x 6) [1; *m per angle, *m^2 per curvature], of follower_y.""",
+    """216 to 251: point_rotary_mass (6 x 6) [1; *m per angle, *m^2 per curvature], of rotary_mass.""",
+    """252 to 257: point_rotary_load_turn (6 x 1) [1; *m per angle, *m^2 per curvature], of rotary_load_turn.""",
 )
 
 second_order = function(
     "second_order", ADDRESSES["second_order"], (0, 0, 4, 0, 0, 6), ('u',),
-    """forces of second degree that linear theory omits.
-
-    7 operations (1 add, 6 mul).
-
-    Parameters
-    ----------
-    u
-        4 entries.
-    out
-        6 entries, made when absent.
-        0 to 5: second_order (6 x 1) [N], forces of second degree that linear theory omits.
-
-    Returns
-    -------
-    out
-    """,
+    """forces of second degree that linear theory omits.""", """7 operations (1 add, 6 mul).""",
+    """0 to 5: second_order (6 x 1) [N], forces of second degree that linear theory omits.""",
 )

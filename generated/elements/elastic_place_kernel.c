@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char elastic_place_equations[65] = "990a388fe62f312fbe69ac5e3770e629696cb1ce9b751f467ca0b17a2e9f5c61";
+const char elastic_place_equations[65] = "f19d567799e2a0757bfdd4750bf1969dfe688bb34761d44de346bb0fe6002645";
 
 /* constants of a link by a unit mass, force, axial force and moment of inertia at x: 0 operations */
 void elastic_place_point(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -30,32 +30,18 @@ ADDRESSES = {
 
 point_tangent = function(
     "point_tangent", ADDRESSES["point_tangent"], (0, 0, 0, 0, 1, 258), ('work',),
-    """tangent of constants of a link by a unit mass, force, axial force and moment of inertia at x.
-
-    0 operations.
-
-    Parameters
-    ----------
-    work
-        1 entries.
-    out
-        258 entries, made when absent.
-        0 to 35: point_mass_tangent (6 x 6) [1; *m per angle, *m^2 per curvature], tangent of of mass.
-        36 to 71: point_gyroscopic_tangent (6 x 6) [1; *m per angle, *m^2 per curvature], tangent of of gyroscopic.
-        72 to 107: point_geometric0_tangent (6 x 6) [1; *m per angle, *m^2 per curvature], tangent of of geometric0.
-        108 to 113: point_load_x_tangent (6 x 1) [1; *m per angle, *m^2 per curvature], tangent of of load_x.
-        114 to 119: point_load_y_tangent (6 x 1) [1; *m per angle, *m^2 per curvature], tangent of of load_y.
-        120 to 125: point_load_out_tangent (6 x 1) [1; *m per angle, *m^2 per curvature], tangent of of load_out.
-        126 to 131: point_load_turn_tangent (6 x 1) [1; *m per angle, *m^2 per curvature], tangent of of load_turn.
-        132 to 137: point_force_x_tangent (6 x 1) [1; *m per angle, *m^2 per curvature], tangent of of force_x.
-        138 to 143: point_force_y_tangent (6 x 1) [1; *m per angle, *m^2 per curvature], tangent of of force_y.
-        144 to 179: point_follower_x_tangent (6 x 6) [1; *m per angle, *m^2 per curvature], tangent of of follower_x.
-        180 to 215: point_follower_y_tangent (6 x 6) [1; *m per angle, *m^2 per curvature], tangent of of follower_y.
-        216 to 251: point_rotary_mass_tangent (6 x 6) [1; *m per angle, *m^2 per curvature], tangent of of rotary_mass.
-        252 to 257: point_rotary_load_turn_tangent (6 x 1) [1; *m per angle, *m^2 per curvature], tangent of of rotary_load_turn.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of constants of a link by a unit mass, force, axial force and moment of inertia at x.""", """0 operations.""",
+    """0 to 35: point_mass_tangent (6 x 6) [1; *m per angle, *m^2 per curvature], tangent of of mass.""",
+    """36 to 71: point_gyroscopic_tangent (6 x 6) [1; *m per angle, *m^2 per curvature], tangent of of gyroscopic.""",
+    """72 to 107: point_geometric0_tangent (6 x 6) [1; *m per angle, *m^2 per curvature], tangent of of geometric0.""",
+    """108 to 113: point_load_x_tangent (6 x 1) [1; *m per angle, *m^2 per curvature], tangent of of load_x.""",
+    """114 to 119: point_load_y_tangent (6 x 1) [1; *m per angle, *m^2 per curvature], tangent of of load_y.""",
+    """120 to 125: point_load_out_tangent (6 x 1) [1; *m per angle, *m^2 per curvature], tangent of of load_out.""",
+    """126 to 131: point_load_turn_tangent (6 x 1) [1; *m per angle, *m^2 per curvature], tangent of of load_turn.""",
+    """132 to 137: point_force_x_tangent (6 x 1) [1; *m per angle, *m^2 per curvature], tangent of of force_x.""",
+    """138 to 143: point_force_y_tangent (6 x 1) [1; *m per angle, *m^2 per curvature], tangent of of force_y.""",
+    """144 to 179: point_follower_x_tangent (6 x 6) [1; *m per angle, *m^2 per curvature], tangent of of follower_x.""",
+    """180 to 215: point_follower_y_tangent (6 x 6) [1; *m per angle, *m^2 per curvature], tangent of of follower_y.""",
+    """216 to 251: point_rotary_mass_tangent (6 x 6) [1; *m per angle, *m^2 per curvature], tangent of of rotary_mass.""",
+    """252 to 257: point_rotary_load_turn_tangent (6 x 1) [1; *m per angle, *m^2 per curvature], tangent of of rotary_load_turn.""",
 )

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char elastic_place_tangents_equations[65] = "dac470701cfec0ab2056a50044720bf1cc82220643478a1e05b1a7276206a899";
+const char elastic_place_tangents_equations[65] = "bd701b486151ad28676b5df301083ca6ec75c838e1068abbfb782c55b362d0a5";
 
 /* tangent of constants of a link by a unit mass, force, axial force and moment of inertia at x: 0 operations */
 void elastic_place_tangents_point_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -40,127 +40,41 @@ ADDRESSES = {
 
 mass = function(
     "mass", ADDRESSES["mass"], (0, 20, 0, 0, 0, 64), ('q',),
-    """mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.
-
-    147 operations (48 add, 99 mul, 5 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    out
-        64 entries, made when absent.
-        0 to 63: mass (8 x 8) [kg; *m per angle, *m^2 per curvature], mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.
-
-    Returns
-    -------
-    out
-    """,
+    """mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.""", """147 operations (48 add, 99 mul, 5 neg).""",
+    """0 to 63: mass (8 x 8) [kg; *m per angle, *m^2 per curvature], mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.""",
 )
 
 gyroscopic = function(
     "gyroscopic", ADDRESSES["gyroscopic"], (0, 20, 0, 0, 0, 64), ('q',),
-    """gyroscopic matrix A: -2 omega A s' and -omega' A s.
-
-    117 operations (44 add, 73 mul, 10 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    out
-        64 entries, made when absent.
-        0 to 63: gyroscopic (8 x 8) [kg; *m per angle, *m^2 per curvature], gyroscopic matrix A: -2 omega A s' and -omega' A s.
-
-    Returns
-    -------
-    out
-    """,
+    """gyroscopic matrix A: -2 omega A s' and -omega' A s.""", """117 operations (44 add, 73 mul, 10 neg).""",
+    """0 to 63: gyroscopic (8 x 8) [kg; *m per angle, *m^2 per curvature], gyroscopic matrix A: -2 omega A s' and -omega' A s.""",
 )
 
 stiffness = function(
     "stiffness", ADDRESSES["stiffness"], (0, 20, 0, 0, 0, 64), ('q',),
-    """stiffness matrix.
-
-    210 operations (81 add, 126 mul, 3 div, 9 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    out
-        64 entries, made when absent.
-        0 to 63: stiffness (8 x 8) [N/m; *m per angle, *m^2 per curvature], stiffness matrix.
-
-    Returns
-    -------
-    out
-    """,
+    """stiffness matrix.""", """210 operations (81 add, 126 mul, 3 div, 9 neg).""",
+    """0 to 63: stiffness (8 x 8) [N/m; *m per angle, *m^2 per curvature], stiffness matrix.""",
 )
 
 geometric = function(
     "geometric", ADDRESSES["geometric"], (0, 20, 0, 0, 0, 192), ('q',),
-    """geometric stiffness.
-
-    257 operations (78 add, 178 mul, 1 div, 19 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    out
-        192 entries, made when absent.
-        0 to 63: geometric0 (8 x 8) [1/m; *m per angle, *m^2 per curvature], geometric stiffness for a unit axial force at the first node.
-        64 to 127: geometric1 (8 x 8) [kg/m; *m per angle, *m^2 per curvature], geometric stiffness for the inertia of what lies before: times the acceleration along the link.
-        128 to 191: geometric2 (8 x 8) [kg; *m per angle, *m^2 per curvature], geometric stiffness for the centrifugal force of what lies before: times -omega^2.
-
-    Returns
-    -------
-    out
-    """,
+    """geometric stiffness.""", """257 operations (78 add, 178 mul, 1 div, 19 neg).""",
+    """0 to 63: geometric0 (8 x 8) [1/m; *m per angle, *m^2 per curvature], geometric stiffness for a unit axial force at the first node.""",
+    """64 to 127: geometric1 (8 x 8) [kg/m; *m per angle, *m^2 per curvature], geometric stiffness for the inertia of what lies before: times the acceleration along the link.""",
+    """128 to 191: geometric2 (8 x 8) [kg; *m per angle, *m^2 per curvature], geometric stiffness for the centrifugal force of what lies before: times -omega^2.""",
 )
 
 load = function(
     "load", ADDRESSES["load"], (0, 20, 0, 0, 0, 32), ('q',),
-    """loads of the rigid motion.
-
-    100 operations (32 add, 68 mul, 3 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    out
-        32 entries, made when absent.
-        0 to 7: load_x (8 x 1) [kg; *m per angle, *m^2 per curvature], (E): inertia of an acceleration along the link, times -ax.
-        8 to 15: load_y (8 x 1) [kg; *m per angle, *m^2 per curvature], (G): inertia of an acceleration across the link, times -ay.
-        16 to 23: load_out (8 x 1) [kg*m; *m per angle, *m^2 per curvature], (N): centrifugal force, times omega^2.
-        24 to 31: load_turn (8 x 1) [kg*m; *m per angle, *m^2 per curvature], (L): inertia of an angular acceleration, times -omega'.
-
-    Returns
-    -------
-    out
-    """,
+    """loads of the rigid motion.""", """100 operations (32 add, 68 mul, 3 neg).""",
+    """0 to 7: load_x (8 x 1) [kg; *m per angle, *m^2 per curvature], (E): inertia of an acceleration along the link, times -ax.""",
+    """8 to 15: load_y (8 x 1) [kg; *m per angle, *m^2 per curvature], (G): inertia of an acceleration across the link, times -ay.""",
+    """16 to 23: load_out (8 x 1) [kg*m; *m per angle, *m^2 per curvature], (N): centrifugal force, times omega^2.""",
+    """24 to 31: load_turn (8 x 1) [kg*m; *m per angle, *m^2 per curvature], (L): inertia of an angular acceleration, times -omega'.""",
 )
 
 shape = function(
     "shape", ADDRESSES["shape"], (0, 20, 1, 0, 0, 48), ('q', 'u'),
-    """displacements and strains at the station.
-
-    88 operations (19 add, 67 mul, 2 div, 13 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    u
-        1 entries.
-    out
-        48 entries, made when absent.
-        0 to 47: shape (6 x 8) [1, 1, 1/m, 1/m, 1/m, 1/m^2; *m per angle, *m^2 per curvature], displacements and strains at the station.
-
-    Returns
-    -------
-    out
-    """,
+    """displacements and strains at the station.""", """88 operations (19 add, 67 mul, 2 div, 13 neg).""",
+    """0 to 47: shape (6 x 8) [1, 1, 1/m, 1/m, 1/m, 1/m^2; *m per angle, *m^2 per curvature], displacements and strains at the station.""",
 )

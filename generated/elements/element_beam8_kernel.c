@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_beam8_equations[65] = "4ad6a48a237661aae07e438095bda60356b6468e29b3460cb60d8ad3fd8a468c";
+const char element_beam8_equations[65] = "50099ccc269b623618a60e1911f13d8fbebe386b95f688fbcfa3f5f7cabcd180";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 147 operations (48 add, 99 mul, 5 neg) */
 void element_beam8_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

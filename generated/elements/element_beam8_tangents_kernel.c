@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_beam8_tangents_equations[65] = "6a2285ab49e3efd63cd6b5f8255be8fae0c82124b0d2a2ee9e3220343a51d11c";
+const char element_beam8_tangents_equations[65] = "e70c0164c4e2939159f0878e64438d596ba382614666f1bee76bbb27e709b7da";
 
 /* tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 389 operations (122 add, 267 mul, 5 neg) */
 void element_beam8_tangents_mass_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

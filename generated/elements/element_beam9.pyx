@@ -39,127 +39,41 @@ ADDRESSES = {
 
 mass = function(
     "mass", ADDRESSES["mass"], (0, 20, 0, 0, 0, 81), ('q',),
-    """mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.
-
-    163 operations (53 add, 110 mul, 6 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    out
-        81 entries, made when absent.
-        0 to 80: mass (9 x 9) [kg; *m per angle, *m^2 per curvature], mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.
-
-    Returns
-    -------
-    out
-    """,
+    """mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.""", """163 operations (53 add, 110 mul, 6 neg).""",
+    """0 to 80: mass (9 x 9) [kg; *m per angle, *m^2 per curvature], mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.""",
 )
 
 gyroscopic = function(
     "gyroscopic", ADDRESSES["gyroscopic"], (0, 20, 0, 0, 0, 81), ('q',),
-    """gyroscopic matrix A: -2 omega A s' and -omega' A s.
-
-    171 operations (62 add, 109 mul, 13 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    out
-        81 entries, made when absent.
-        0 to 80: gyroscopic (9 x 9) [kg; *m per angle, *m^2 per curvature], gyroscopic matrix A: -2 omega A s' and -omega' A s.
-
-    Returns
-    -------
-    out
-    """,
+    """gyroscopic matrix A: -2 omega A s' and -omega' A s.""", """171 operations (62 add, 109 mul, 13 neg).""",
+    """0 to 80: gyroscopic (9 x 9) [kg; *m per angle, *m^2 per curvature], gyroscopic matrix A: -2 omega A s' and -omega' A s.""",
 )
 
 stiffness = function(
     "stiffness", ADDRESSES["stiffness"], (0, 20, 0, 0, 0, 81), ('q',),
-    """stiffness matrix.
-
-    233 operations (89 add, 141 mul, 3 div, 5 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    out
-        81 entries, made when absent.
-        0 to 80: stiffness (9 x 9) [N/m; *m per angle, *m^2 per curvature], stiffness matrix.
-
-    Returns
-    -------
-    out
-    """,
+    """stiffness matrix.""", """233 operations (89 add, 141 mul, 3 div, 5 neg).""",
+    """0 to 80: stiffness (9 x 9) [N/m; *m per angle, *m^2 per curvature], stiffness matrix.""",
 )
 
 geometric = function(
     "geometric", ADDRESSES["geometric"], (0, 20, 0, 0, 0, 243), ('q',),
-    """geometric stiffness.
-
-    257 operations (78 add, 178 mul, 1 div, 19 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    out
-        243 entries, made when absent.
-        0 to 80: geometric0 (9 x 9) [1/m; *m per angle, *m^2 per curvature], geometric stiffness for a unit axial force at the first node.
-        81 to 161: geometric1 (9 x 9) [kg/m; *m per angle, *m^2 per curvature], geometric stiffness for the inertia of what lies before: times the acceleration along the link.
-        162 to 242: geometric2 (9 x 9) [kg; *m per angle, *m^2 per curvature], geometric stiffness for the centrifugal force of what lies before: times -omega^2.
-
-    Returns
-    -------
-    out
-    """,
+    """geometric stiffness.""", """257 operations (78 add, 178 mul, 1 div, 19 neg).""",
+    """0 to 80: geometric0 (9 x 9) [1/m; *m per angle, *m^2 per curvature], geometric stiffness for a unit axial force at the first node.""",
+    """81 to 161: geometric1 (9 x 9) [kg/m; *m per angle, *m^2 per curvature], geometric stiffness for the inertia of what lies before: times the acceleration along the link.""",
+    """162 to 242: geometric2 (9 x 9) [kg; *m per angle, *m^2 per curvature], geometric stiffness for the centrifugal force of what lies before: times -omega^2.""",
 )
 
 load = function(
     "load", ADDRESSES["load"], (0, 20, 0, 0, 0, 36), ('q',),
-    """loads of the rigid motion.
-
-    106 operations (34 add, 72 mul, 4 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    out
-        36 entries, made when absent.
-        0 to 8: load_x (9 x 1) [kg; *m per angle, *m^2 per curvature], (E): inertia of an acceleration along the link, times -ax.
-        9 to 17: load_y (9 x 1) [kg; *m per angle, *m^2 per curvature], (G): inertia of an acceleration across the link, times -ay.
-        18 to 26: load_out (9 x 1) [kg*m; *m per angle, *m^2 per curvature], (N): centrifugal force, times omega^2.
-        27 to 35: load_turn (9 x 1) [kg*m; *m per angle, *m^2 per curvature], (L): inertia of an angular acceleration, times -omega'.
-
-    Returns
-    -------
-    out
-    """,
+    """loads of the rigid motion.""", """106 operations (34 add, 72 mul, 4 neg).""",
+    """0 to 8: load_x (9 x 1) [kg; *m per angle, *m^2 per curvature], (E): inertia of an acceleration along the link, times -ax.""",
+    """9 to 17: load_y (9 x 1) [kg; *m per angle, *m^2 per curvature], (G): inertia of an acceleration across the link, times -ay.""",
+    """18 to 26: load_out (9 x 1) [kg*m; *m per angle, *m^2 per curvature], (N): centrifugal force, times omega^2.""",
+    """27 to 35: load_turn (9 x 1) [kg*m; *m per angle, *m^2 per curvature], (L): inertia of an angular acceleration, times -omega'.""",
 )
 
 shape = function(
     "shape", ADDRESSES["shape"], (0, 20, 1, 0, 0, 54), ('q', 'u'),
-    """displacements and strains at the station.
-
-    98 operations (20 add, 76 mul, 2 div, 14 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    u
-        1 entries.
-    out
-        54 entries, made when absent.
-        0 to 53: shape (6 x 9) [1, 1, 1/m, 1/m, 1/m, 1/m^2; *m per angle, *m^2 per curvature], displacements and strains at the station.
-
-    Returns
-    -------
-    out
-    """,
+    """displacements and strains at the station.""", """98 operations (20 add, 76 mul, 2 div, 14 neg).""",
+    """0 to 53: shape (6 x 9) [1, 1, 1/m, 1/m, 1/m, 1/m^2; *m per angle, *m^2 per curvature], displacements and strains at the station.""",
 )

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_beam9_equations[65] = "5aa849e71480ad3bfa293fe210eebe65d0d820d06764423ab73b2185ee17c0a5";
+const char element_beam9_equations[65] = "c2bf4321e86e8a17326ff9da1eb80131715d4c626df48693c499d13098189b96";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 163 operations (53 add, 110 mul, 6 neg) */
 void element_beam9_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

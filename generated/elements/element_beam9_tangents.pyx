@@ -40,139 +40,41 @@ ADDRESSES = {
 
 mass_tangent = function(
     "mass_tangent", ADDRESSES["mass_tangent"], (0, 20, 0, 0, 21, 81), ('q', 'work'),
-    """tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.
-
-    429 operations (135 add, 294 mul, 6 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    work
-        21 entries.
-    out
-        81 entries, made when absent.
-        0 to 80: mass_tangent (9 x 9) [kg; *m per angle, *m^2 per curvature], tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.""", """429 operations (135 add, 294 mul, 6 neg).""",
+    """0 to 80: mass_tangent (9 x 9) [kg; *m per angle, *m^2 per curvature], tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.""",
 )
 
 gyroscopic_tangent = function(
     "gyroscopic_tangent", ADDRESSES["gyroscopic_tangent"], (0, 20, 0, 0, 21, 81), ('q', 'work'),
-    """tangent of gyroscopic matrix A: -2 omega A s' and -omega' A s.
-
-    463 operations (160 add, 303 mul, 25 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    work
-        21 entries.
-    out
-        81 entries, made when absent.
-        0 to 80: gyroscopic_tangent (9 x 9) [kg; *m per angle, *m^2 per curvature], tangent of gyroscopic matrix A: -2 omega A s' and -omega' A s.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of gyroscopic matrix A: -2 omega A s' and -omega' A s.""", """463 operations (160 add, 303 mul, 25 neg).""",
+    """0 to 80: gyroscopic_tangent (9 x 9) [kg; *m per angle, *m^2 per curvature], tangent of gyroscopic matrix A: -2 omega A s' and -omega' A s.""",
 )
 
 stiffness_tangent = function(
     "stiffness_tangent", ADDRESSES["stiffness_tangent"], (0, 20, 0, 0, 21, 81), ('q', 'work'),
-    """tangent of stiffness matrix.
-
-    559 operations (191 add, 364 mul, 4 div, 8 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    work
-        21 entries.
-    out
-        81 entries, made when absent.
-        0 to 80: stiffness_tangent (9 x 9) [N/m; *m per angle, *m^2 per curvature], tangent of stiffness matrix.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of stiffness matrix.""", """559 operations (191 add, 364 mul, 4 div, 8 neg).""",
+    """0 to 80: stiffness_tangent (9 x 9) [N/m; *m per angle, *m^2 per curvature], tangent of stiffness matrix.""",
 )
 
 geometric_tangent = function(
     "geometric_tangent", ADDRESSES["geometric_tangent"], (0, 20, 0, 0, 21, 243), ('q', 'work'),
-    """tangent of geometric stiffness.
-
-    670 operations (192 add, 477 mul, 1 div, 19 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    work
-        21 entries.
-    out
-        243 entries, made when absent.
-        0 to 80: geometric0_tangent (9 x 9) [1/m; *m per angle, *m^2 per curvature], tangent of geometric stiffness for a unit axial force at the first node.
-        81 to 161: geometric1_tangent (9 x 9) [kg/m; *m per angle, *m^2 per curvature], tangent of geometric stiffness for the inertia of what lies before: times the acceleration along the link.
-        162 to 242: geometric2_tangent (9 x 9) [kg; *m per angle, *m^2 per curvature], tangent of geometric stiffness for the centrifugal force of what lies before: times -omega^2.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of geometric stiffness.""", """670 operations (192 add, 477 mul, 1 div, 19 neg).""",
+    """0 to 80: geometric0_tangent (9 x 9) [1/m; *m per angle, *m^2 per curvature], tangent of geometric stiffness for a unit axial force at the first node.""",
+    """81 to 161: geometric1_tangent (9 x 9) [kg/m; *m per angle, *m^2 per curvature], tangent of geometric stiffness for the inertia of what lies before: times the acceleration along the link.""",
+    """162 to 242: geometric2_tangent (9 x 9) [kg; *m per angle, *m^2 per curvature], tangent of geometric stiffness for the centrifugal force of what lies before: times -omega^2.""",
 )
 
 load_tangent = function(
     "load_tangent", ADDRESSES["load_tangent"], (0, 20, 0, 0, 21, 36), ('q', 'work'),
-    """tangent of loads of the rigid motion.
-
-    288 operations (88 add, 200 mul, 4 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    work
-        21 entries.
-    out
-        36 entries, made when absent.
-        0 to 8: load_x_tangent (9 x 1) [kg; *m per angle, *m^2 per curvature], tangent of (E): inertia of an acceleration along the link, times -ax.
-        9 to 17: load_y_tangent (9 x 1) [kg; *m per angle, *m^2 per curvature], tangent of (G): inertia of an acceleration across the link, times -ay.
-        18 to 26: load_out_tangent (9 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of (N): centrifugal force, times omega^2.
-        27 to 35: load_turn_tangent (9 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of (L): inertia of an angular acceleration, times -omega'.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of loads of the rigid motion.""", """288 operations (88 add, 200 mul, 4 neg).""",
+    """0 to 8: load_x_tangent (9 x 1) [kg; *m per angle, *m^2 per curvature], tangent of (E): inertia of an acceleration along the link, times -ax.""",
+    """9 to 17: load_y_tangent (9 x 1) [kg; *m per angle, *m^2 per curvature], tangent of (G): inertia of an acceleration across the link, times -ay.""",
+    """18 to 26: load_out_tangent (9 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of (N): centrifugal force, times omega^2.""",
+    """27 to 35: load_turn_tangent (9 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of (L): inertia of an angular acceleration, times -omega'.""",
 )
 
 shape_tangent = function(
     "shape_tangent", ADDRESSES["shape_tangent"], (0, 20, 1, 0, 21, 54), ('q', 'u', 'work'),
-    """tangent of displacements and strains at the station.
-
-    294 operations (70 add, 221 mul, 3 div, 10 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    u
-        1 entries.
-    work
-        21 entries.
-    out
-        54 entries, made when absent.
-        0 to 53: shape_tangent (6 x 9) [1, 1, 1/m, 1/m, 1/m, 1/m^2; *m per angle, *m^2 per curvature], tangent of displacements and strains at the station.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of displacements and strains at the station.""", """294 operations (70 add, 221 mul, 3 div, 10 neg).""",
+    """0 to 53: shape_tangent (6 x 9) [1, 1, 1/m, 1/m, 1/m, 1/m^2; *m per angle, *m^2 per curvature], tangent of displacements and strains at the station.""",
 )

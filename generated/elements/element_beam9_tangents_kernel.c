@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_beam9_tangents_equations[65] = "28a442a6f76d17856d3b057dae8afbea889290438875fa21b0806b5db6c174f0";
+const char element_beam9_tangents_equations[65] = "e8c21cb4c47e177e9955358bafb6d7460981aeffbc843ca0befda1960d466c7e";
 
 /* tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 429 operations (135 add, 294 mul, 6 neg) */
 void element_beam9_tangents_mass_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

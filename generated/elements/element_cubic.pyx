@@ -39,127 +39,41 @@ ADDRESSES = {
 
 mass = function(
     "mass", ADDRESSES["mass"], (0, 20, 0, 0, 0, 36), ('q',),
-    """mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.
-
-    78 operations (26 add, 52 mul, 3 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    out
-        36 entries, made when absent.
-        0 to 35: mass (6 x 6) [kg; *m per angle, *m^2 per curvature], mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.
-
-    Returns
-    -------
-    out
-    """,
+    """mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.""", """78 operations (26 add, 52 mul, 3 neg).""",
+    """0 to 35: mass (6 x 6) [kg; *m per angle, *m^2 per curvature], mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.""",
 )
 
 gyroscopic = function(
     "gyroscopic", ADDRESSES["gyroscopic"], (0, 20, 0, 0, 0, 36), ('q',),
-    """gyroscopic matrix A: -2 omega A s' and -omega' A s.
-
-    77 operations (28 add, 49 mul, 6 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    out
-        36 entries, made when absent.
-        0 to 35: gyroscopic (6 x 6) [kg; *m per angle, *m^2 per curvature], gyroscopic matrix A: -2 omega A s' and -omega' A s.
-
-    Returns
-    -------
-    out
-    """,
+    """gyroscopic matrix A: -2 omega A s' and -omega' A s.""", """77 operations (28 add, 49 mul, 6 neg).""",
+    """0 to 35: gyroscopic (6 x 6) [kg; *m per angle, *m^2 per curvature], gyroscopic matrix A: -2 omega A s' and -omega' A s.""",
 )
 
 stiffness = function(
     "stiffness", ADDRESSES["stiffness"], (0, 20, 0, 0, 0, 36), ('q',),
-    """stiffness matrix.
-
-    113 operations (40 add, 70 mul, 3 div, 3 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    out
-        36 entries, made when absent.
-        0 to 35: stiffness (6 x 6) [N/m; *m per angle, *m^2 per curvature], stiffness matrix.
-
-    Returns
-    -------
-    out
-    """,
+    """stiffness matrix.""", """113 operations (40 add, 70 mul, 3 div, 3 neg).""",
+    """0 to 35: stiffness (6 x 6) [N/m; *m per angle, *m^2 per curvature], stiffness matrix.""",
 )
 
 geometric = function(
     "geometric", ADDRESSES["geometric"], (0, 20, 0, 0, 0, 108), ('q',),
-    """geometric stiffness.
-
-    109 operations (34 add, 74 mul, 1 div, 10 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    out
-        108 entries, made when absent.
-        0 to 35: geometric0 (6 x 6) [1/m; *m per angle, *m^2 per curvature], geometric stiffness for a unit axial force at the first node.
-        36 to 71: geometric1 (6 x 6) [kg/m; *m per angle, *m^2 per curvature], geometric stiffness for the inertia of what lies before: times the acceleration along the link.
-        72 to 107: geometric2 (6 x 6) [kg; *m per angle, *m^2 per curvature], geometric stiffness for the centrifugal force of what lies before: times -omega^2.
-
-    Returns
-    -------
-    out
-    """,
+    """geometric stiffness.""", """109 operations (34 add, 74 mul, 1 div, 10 neg).""",
+    """0 to 35: geometric0 (6 x 6) [1/m; *m per angle, *m^2 per curvature], geometric stiffness for a unit axial force at the first node.""",
+    """36 to 71: geometric1 (6 x 6) [kg/m; *m per angle, *m^2 per curvature], geometric stiffness for the inertia of what lies before: times the acceleration along the link.""",
+    """72 to 107: geometric2 (6 x 6) [kg; *m per angle, *m^2 per curvature], geometric stiffness for the centrifugal force of what lies before: times -omega^2.""",
 )
 
 load = function(
     "load", ADDRESSES["load"], (0, 20, 0, 0, 0, 24), ('q',),
-    """loads of the rigid motion.
-
-    74 operations (24 add, 50 mul, 2 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    out
-        24 entries, made when absent.
-        0 to 5: load_x (6 x 1) [kg; *m per angle, *m^2 per curvature], (E): inertia of an acceleration along the link, times -ax.
-        6 to 11: load_y (6 x 1) [kg; *m per angle, *m^2 per curvature], (G): inertia of an acceleration across the link, times -ay.
-        12 to 17: load_out (6 x 1) [kg*m; *m per angle, *m^2 per curvature], (N): centrifugal force, times omega^2.
-        18 to 23: load_turn (6 x 1) [kg*m; *m per angle, *m^2 per curvature], (L): inertia of an angular acceleration, times -omega'.
-
-    Returns
-    -------
-    out
-    """,
+    """loads of the rigid motion.""", """74 operations (24 add, 50 mul, 2 neg).""",
+    """0 to 5: load_x (6 x 1) [kg; *m per angle, *m^2 per curvature], (E): inertia of an acceleration along the link, times -ax.""",
+    """6 to 11: load_y (6 x 1) [kg; *m per angle, *m^2 per curvature], (G): inertia of an acceleration across the link, times -ay.""",
+    """12 to 17: load_out (6 x 1) [kg*m; *m per angle, *m^2 per curvature], (N): centrifugal force, times omega^2.""",
+    """18 to 23: load_turn (6 x 1) [kg*m; *m per angle, *m^2 per curvature], (L): inertia of an angular acceleration, times -omega'.""",
 )
 
 shape = function(
     "shape", ADDRESSES["shape"], (0, 20, 1, 0, 0, 36), ('q', 'u'),
-    """displacements and strains at the station.
-
-    37 operations (7 add, 28 mul, 2 div, 4 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    u
-        1 entries.
-    out
-        36 entries, made when absent.
-        0 to 35: shape (6 x 6) [1, 1, 1/m, 1/m, 1/m, 1/m^2; *m per angle, *m^2 per curvature], displacements and strains at the station.
-
-    Returns
-    -------
-    out
-    """,
+    """displacements and strains at the station.""", """37 operations (7 add, 28 mul, 2 div, 4 neg).""",
+    """0 to 35: shape (6 x 6) [1, 1, 1/m, 1/m, 1/m, 1/m^2; *m per angle, *m^2 per curvature], displacements and strains at the station.""",
 )

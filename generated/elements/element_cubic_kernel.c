@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_cubic_equations[65] = "5750d2537e94055cffa84010d189eea0c075eba2c920d8e5990c7329df2f85f5";
+const char element_cubic_equations[65] = "de03973b3ddaf060ef605fca88eec140a088b6cf423781fa87a02abd4d877189";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 78 operations (26 add, 52 mul, 3 neg) */
 void element_cubic_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

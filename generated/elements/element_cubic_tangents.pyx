@@ -40,139 +40,41 @@ ADDRESSES = {
 
 mass_tangent = function(
     "mass_tangent", ADDRESSES["mass_tangent"], (0, 20, 0, 0, 21, 36), ('q', 'work'),
-    """tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.
-
-    207 operations (67 add, 140 mul, 4 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    work
-        21 entries.
-    out
-        36 entries, made when absent.
-        0 to 35: mass_tangent (6 x 6) [kg; *m per angle, *m^2 per curvature], tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.""", """207 operations (67 add, 140 mul, 4 neg).""",
+    """0 to 35: mass_tangent (6 x 6) [kg; *m per angle, *m^2 per curvature], tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.""",
 )
 
 gyroscopic_tangent = function(
     "gyroscopic_tangent", ADDRESSES["gyroscopic_tangent"], (0, 20, 0, 0, 21, 36), ('q', 'work'),
-    """tangent of gyroscopic matrix A: -2 omega A s' and -omega' A s.
-
-    203 operations (72 add, 131 mul, 12 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    work
-        21 entries.
-    out
-        36 entries, made when absent.
-        0 to 35: gyroscopic_tangent (6 x 6) [kg; *m per angle, *m^2 per curvature], tangent of gyroscopic matrix A: -2 omega A s' and -omega' A s.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of gyroscopic matrix A: -2 omega A s' and -omega' A s.""", """203 operations (72 add, 131 mul, 12 neg).""",
+    """0 to 35: gyroscopic_tangent (6 x 6) [kg; *m per angle, *m^2 per curvature], tangent of gyroscopic matrix A: -2 omega A s' and -omega' A s.""",
 )
 
 stiffness_tangent = function(
     "stiffness_tangent", ADDRESSES["stiffness_tangent"], (0, 20, 0, 0, 21, 36), ('q', 'work'),
-    """tangent of stiffness matrix.
-
-    302 operations (97 add, 201 mul, 4 div, 6 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    work
-        21 entries.
-    out
-        36 entries, made when absent.
-        0 to 35: stiffness_tangent (6 x 6) [N/m; *m per angle, *m^2 per curvature], tangent of stiffness matrix.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of stiffness matrix.""", """302 operations (97 add, 201 mul, 4 div, 6 neg).""",
+    """0 to 35: stiffness_tangent (6 x 6) [N/m; *m per angle, *m^2 per curvature], tangent of stiffness matrix.""",
 )
 
 geometric_tangent = function(
     "geometric_tangent", ADDRESSES["geometric_tangent"], (0, 20, 0, 0, 21, 108), ('q', 'work'),
-    """tangent of geometric stiffness.
-
-    274 operations (82 add, 191 mul, 1 div, 14 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    work
-        21 entries.
-    out
-        108 entries, made when absent.
-        0 to 35: geometric0_tangent (6 x 6) [1/m; *m per angle, *m^2 per curvature], tangent of geometric stiffness for a unit axial force at the first node.
-        36 to 71: geometric1_tangent (6 x 6) [kg/m; *m per angle, *m^2 per curvature], tangent of geometric stiffness for the inertia of what lies before: times the acceleration along the link.
-        72 to 107: geometric2_tangent (6 x 6) [kg; *m per angle, *m^2 per curvature], tangent of geometric stiffness for the centrifugal force of what lies before: times -omega^2.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of geometric stiffness.""", """274 operations (82 add, 191 mul, 1 div, 14 neg).""",
+    """0 to 35: geometric0_tangent (6 x 6) [1/m; *m per angle, *m^2 per curvature], tangent of geometric stiffness for a unit axial force at the first node.""",
+    """36 to 71: geometric1_tangent (6 x 6) [kg/m; *m per angle, *m^2 per curvature], tangent of geometric stiffness for the inertia of what lies before: times the acceleration along the link.""",
+    """72 to 107: geometric2_tangent (6 x 6) [kg; *m per angle, *m^2 per curvature], tangent of geometric stiffness for the centrifugal force of what lies before: times -omega^2.""",
 )
 
 load_tangent = function(
     "load_tangent", ADDRESSES["load_tangent"], (0, 20, 0, 0, 21, 24), ('q', 'work'),
-    """tangent of loads of the rigid motion.
-
-    200 operations (62 add, 138 mul, 2 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    work
-        21 entries.
-    out
-        24 entries, made when absent.
-        0 to 5: load_x_tangent (6 x 1) [kg; *m per angle, *m^2 per curvature], tangent of (E): inertia of an acceleration along the link, times -ax.
-        6 to 11: load_y_tangent (6 x 1) [kg; *m per angle, *m^2 per curvature], tangent of (G): inertia of an acceleration across the link, times -ay.
-        12 to 17: load_out_tangent (6 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of (N): centrifugal force, times omega^2.
-        18 to 23: load_turn_tangent (6 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of (L): inertia of an angular acceleration, times -omega'.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of loads of the rigid motion.""", """200 operations (62 add, 138 mul, 2 neg).""",
+    """0 to 5: load_x_tangent (6 x 1) [kg; *m per angle, *m^2 per curvature], tangent of (E): inertia of an acceleration along the link, times -ax.""",
+    """6 to 11: load_y_tangent (6 x 1) [kg; *m per angle, *m^2 per curvature], tangent of (G): inertia of an acceleration across the link, times -ay.""",
+    """12 to 17: load_out_tangent (6 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of (N): centrifugal force, times omega^2.""",
+    """18 to 23: load_turn_tangent (6 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of (L): inertia of an angular acceleration, times -omega'.""",
 )
 
 shape_tangent = function(
     "shape_tangent", ADDRESSES["shape_tangent"], (0, 20, 1, 0, 21, 36), ('q', 'u', 'work'),
-    """tangent of displacements and strains at the station.
-
-    99 operations (24 add, 72 mul, 3 div, 4 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    u
-        1 entries.
-    work
-        21 entries.
-    out
-        36 entries, made when absent.
-        0 to 35: shape_tangent (6 x 6) [1, 1, 1/m, 1/m, 1/m, 1/m^2; *m per angle, *m^2 per curvature], tangent of displacements and strains at the station.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of displacements and strains at the station.""", """99 operations (24 add, 72 mul, 3 div, 4 neg).""",
+    """0 to 35: shape_tangent (6 x 6) [1, 1, 1/m, 1/m, 1/m, 1/m^2; *m per angle, *m^2 per curvature], tangent of displacements and strains at the station.""",
 )

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_cubic_tangents_equations[65] = "e2573f6391325b4c4af5190596a28cacfc1d38be138d2470d375d140d389f094";
+const char element_cubic_tangents_equations[65] = "be4e9619b2e2048f1494b33591a1317cdb4bc3aff00a173e813afdceb2fcff99";
 
 /* tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 207 operations (67 add, 140 mul, 4 neg) */
 void element_cubic_tangents_mass_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_rayleigh_equations[65] = "52c7453fc2457e4b5353b36fef22c443a9cd9ec23ddc130eae61177a66bb873b";
+const char element_rayleigh_equations[65] = "01c94591cffc91cef0fa1ee4270a64ded43119036006f127179b7dae7f2c6cfc";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 358 operations (147 add, 210 mul, 1 div, 11 neg) */
 void element_rayleigh_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_rayleigh_tangents_equations[65] = "eb6b98dd4af08f8f1fc9f82413b9db4345d8f4072012d9703abf1313c3133ecd";
+const char element_rayleigh_tangents_equations[65] = "f49d563a44e63e3bcb3fd5f95b7ed32903e74f32850316c1858ba1e1cccf689d";
 
 /* tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 849 operations (308 add, 539 mul, 2 div, 12 neg) */
 void element_rayleigh_tangents_mass_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

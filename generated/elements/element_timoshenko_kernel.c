@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_timoshenko_equations[65] = "9476124d56be8a67d6442198fcf29ecae0564249d7e307ef9233bbe59dfbab91";
+const char element_timoshenko_equations[65] = "51536231a25b9aa425a62e551fa20cb9da48ca06816278d97934558e3ab30406";
 
 /* mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 232 operations (108 add, 123 mul, 1 div, 13 neg) */
 void element_timoshenko_mass(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

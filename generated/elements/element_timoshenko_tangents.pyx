@@ -40,139 +40,41 @@ ADDRESSES = {
 
 mass_tangent = function(
     "mass_tangent", ADDRESSES["mass_tangent"], (0, 20, 0, 0, 21, 64), ('q', 'work'),
-    """tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.
-
-    566 operations (264 add, 300 mul, 2 div, 27 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    work
-        21 entries.
-    out
-        64 entries, made when absent.
-        0 to 63: mass_tangent (8 x 8) [kg; *m per angle, *m^2 per curvature], tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.""", """566 operations (264 add, 300 mul, 2 div, 27 neg).""",
+    """0 to 63: mass_tangent (8 x 8) [kg; *m per angle, *m^2 per curvature], tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2.""",
 )
 
 gyroscopic_tangent = function(
     "gyroscopic_tangent", ADDRESSES["gyroscopic_tangent"], (0, 20, 0, 0, 21, 64), ('q', 'work'),
-    """tangent of gyroscopic matrix A: -2 omega A s' and -omega' A s.
-
-    203 operations (72 add, 131 mul, 12 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    work
-        21 entries.
-    out
-        64 entries, made when absent.
-        0 to 63: gyroscopic_tangent (8 x 8) [kg; *m per angle, *m^2 per curvature], tangent of gyroscopic matrix A: -2 omega A s' and -omega' A s.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of gyroscopic matrix A: -2 omega A s' and -omega' A s.""", """203 operations (72 add, 131 mul, 12 neg).""",
+    """0 to 63: gyroscopic_tangent (8 x 8) [kg; *m per angle, *m^2 per curvature], tangent of gyroscopic matrix A: -2 omega A s' and -omega' A s.""",
 )
 
 stiffness_tangent = function(
     "stiffness_tangent", ADDRESSES["stiffness_tangent"], (0, 20, 0, 0, 21, 64), ('q', 'work'),
-    """tangent of stiffness matrix.
-
-    478 operations (172 add, 302 mul, 4 div, 7 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    work
-        21 entries.
-    out
-        64 entries, made when absent.
-        0 to 63: stiffness_tangent (8 x 8) [N/m; *m per angle, *m^2 per curvature], tangent of stiffness matrix.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of stiffness matrix.""", """478 operations (172 add, 302 mul, 4 div, 7 neg).""",
+    """0 to 63: stiffness_tangent (8 x 8) [N/m; *m per angle, *m^2 per curvature], tangent of stiffness matrix.""",
 )
 
 geometric_tangent = function(
     "geometric_tangent", ADDRESSES["geometric_tangent"], (0, 20, 0, 0, 21, 192), ('q', 'work'),
-    """tangent of geometric stiffness.
-
-    274 operations (82 add, 191 mul, 1 div, 14 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    work
-        21 entries.
-    out
-        192 entries, made when absent.
-        0 to 63: geometric0_tangent (8 x 8) [1/m; *m per angle, *m^2 per curvature], tangent of geometric stiffness for a unit axial force at the first node.
-        64 to 127: geometric1_tangent (8 x 8) [kg/m; *m per angle, *m^2 per curvature], tangent of geometric stiffness for the inertia of what lies before: times the acceleration along the link.
-        128 to 191: geometric2_tangent (8 x 8) [kg; *m per angle, *m^2 per curvature], tangent of geometric stiffness for the centrifugal force of what lies before: times -omega^2.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of geometric stiffness.""", """274 operations (82 add, 191 mul, 1 div, 14 neg).""",
+    """0 to 63: geometric0_tangent (8 x 8) [1/m; *m per angle, *m^2 per curvature], tangent of geometric stiffness for a unit axial force at the first node.""",
+    """64 to 127: geometric1_tangent (8 x 8) [kg/m; *m per angle, *m^2 per curvature], tangent of geometric stiffness for the inertia of what lies before: times the acceleration along the link.""",
+    """128 to 191: geometric2_tangent (8 x 8) [kg; *m per angle, *m^2 per curvature], tangent of geometric stiffness for the centrifugal force of what lies before: times -omega^2.""",
 )
 
 load_tangent = function(
     "load_tangent", ADDRESSES["load_tangent"], (0, 20, 0, 0, 21, 32), ('q', 'work'),
-    """tangent of loads of the rigid motion.
-
-    326 operations (118 add, 208 mul, 15 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    work
-        21 entries.
-    out
-        32 entries, made when absent.
-        0 to 7: load_x_tangent (8 x 1) [kg; *m per angle, *m^2 per curvature], tangent of (E): inertia of an acceleration along the link, times -ax.
-        8 to 15: load_y_tangent (8 x 1) [kg; *m per angle, *m^2 per curvature], tangent of (G): inertia of an acceleration across the link, times -ay.
-        16 to 23: load_out_tangent (8 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of (N): centrifugal force, times omega^2.
-        24 to 31: load_turn_tangent (8 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of (L): inertia of an angular acceleration, times -omega'.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of loads of the rigid motion.""", """326 operations (118 add, 208 mul, 15 neg).""",
+    """0 to 7: load_x_tangent (8 x 1) [kg; *m per angle, *m^2 per curvature], tangent of (E): inertia of an acceleration along the link, times -ax.""",
+    """8 to 15: load_y_tangent (8 x 1) [kg; *m per angle, *m^2 per curvature], tangent of (G): inertia of an acceleration across the link, times -ay.""",
+    """16 to 23: load_out_tangent (8 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of (N): centrifugal force, times omega^2.""",
+    """24 to 31: load_turn_tangent (8 x 1) [kg*m; *m per angle, *m^2 per curvature], tangent of (L): inertia of an angular acceleration, times -omega'.""",
 )
 
 shape_tangent = function(
     "shape_tangent", ADDRESSES["shape_tangent"], (0, 20, 1, 0, 21, 48), ('q', 'u', 'work'),
-    """tangent of displacements and strains at the station.
-
-    105 operations (26 add, 76 mul, 3 div, 4 neg).
-
-    Parameters
-    ----------
-    q
-        20 entries.
-    u
-        1 entries.
-    work
-        21 entries.
-    out
-        48 entries, made when absent.
-        0 to 47: shape_tangent (6 x 8) [1, 1, 1/m, 1/m, 1/m, 1/m^2; *m per angle, *m^2 per curvature], tangent of displacements and strains at the station.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of displacements and strains at the station.""", """105 operations (26 add, 76 mul, 3 div, 4 neg).""",
+    """0 to 47: shape_tangent (6 x 8) [1, 1, 1/m, 1/m, 1/m, 1/m^2; *m per angle, *m^2 per curvature], tangent of displacements and strains at the station.""",
 )

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char element_timoshenko_tangents_equations[65] = "f94dd302c9bdbbe17a0253a1bf762a549cbd30e680224b6a2e936abcb46376fa";
+const char element_timoshenko_tangents_equations[65] = "6162f1a62530a7b32c3d6c1b13e393c2db0f8138957bbbf1865d544bfc766188";
 
 /* tangent of mass matrix; with j0..j4 = 0 that of the centrifugal term, times -omega^2: 566 operations (264 add, 300 mul, 2 div, 27 neg) */
 void element_timoshenko_tangents_mass_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

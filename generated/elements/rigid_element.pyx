@@ -34,68 +34,18 @@ ADDRESSES = {
 
 nodal_matrix = function(
     "nodal_matrix", ADDRESSES["nodal_matrix"], (0, 6, 0, 4, 0, 18), ('q', 'p'),
-    """[d] of the forces and moments (F) at both nodes, as they act at the centre of mass.
-
-    19 operations (11 add, 8 mul, 6 neg).
-
-    Parameters
-    ----------
-    q
-        6 entries.
-    p
-        4 entries.
-    out
-        18 entries, made when absent.
-        0 to 17: nodal_matrix (3 x 6) [1, 1, m; /m per moment], [d] of the forces and moments (F) at both nodes, as they act at the centre of mass.
-
-    Returns
-    -------
-    out
-    """,
+    """[d] of the forces and moments (F) at both nodes, as they act at the centre of mass.""", """19 operations (11 add, 8 mul, 6 neg).""",
+    """0 to 17: nodal_matrix (3 x 6) [1, 1, m; /m per moment], [d] of the forces and moments (F) at both nodes, as they act at the centre of mass.""",
 )
 
 point_matrix = function(
     "point_matrix", ADDRESSES["point_matrix"], (0, 6, 0, 4, 0, 6), ('q', 'p'),
-    """a force at the point p, as it acts at the centre of mass.
-
-    13 operations (9 add, 4 mul, 4 neg).
-
-    Parameters
-    ----------
-    q
-        6 entries.
-    p
-        4 entries.
-    out
-        6 entries, made when absent.
-        0 to 5: point_matrix (3 x 2) [1, 1, 1, 1, m, m], a force at the point p, as it acts at the centre of mass.
-
-    Returns
-    -------
-    out
-    """,
+    """a force at the point p, as it acts at the centre of mass.""", """13 operations (9 add, 4 mul, 4 neg).""",
+    """0 to 5: point_matrix (3 x 2) [1, 1, 1, 1, m, m], a force at the point p, as it acts at the centre of mass.""",
 )
 
 inertia = function(
     "inertia", ADDRESSES["inertia"], (0, 6, 6, 4, 0, 3), ('q', 'u', 'p'),
-    """mass times acceleration less gravity, and moment of inertia times angular acceleration.
-
-    25 operations (13 add, 11 mul, 1 div, 2 neg).
-
-    Parameters
-    ----------
-    q
-        6 entries.
-    u
-        6 entries.
-    p
-        4 entries.
-    out
-        3 entries, made when absent.
-        0 to 2: inertia (3 x 1) [N, N, N*m], mass times acceleration less gravity, and moment of inertia times angular acceleration.
-
-    Returns
-    -------
-    out
-    """,
+    """mass times acceleration less gravity, and moment of inertia times angular acceleration.""", """25 operations (13 add, 11 mul, 1 div, 2 neg).""",
+    """0 to 2: inertia (3 x 1) [N, N, N*m], mass times acceleration less gravity, and moment of inertia times angular acceleration.""",
 )

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char rigid_element_equations[65] = "123f62ff4a90e92c0c6d63379f8f8a42c30b66947b97059edc06c7f5bef9b4d6";
+const char rigid_element_equations[65] = "ae6be7583bbbe61eb7011e2a24b789444896a5da3b8ec2b229517b5362c938c6";
 
 /* [d] of the forces and moments (F) at both nodes, as they act at the centre of mass: 19 operations (11 add, 8 mul, 6 neg) */
 void rigid_element_nodal_matrix(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

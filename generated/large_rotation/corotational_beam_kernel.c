@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char corotational_beam_equations[65] = "95beb8e4ce13c6b61edd7e3f6b556d759a12908eefc04c781ab57d607743f895";
+const char corotational_beam_equations[65] = "9252ed410da72fc0a2ba0f6da421ae709c6517514fa86799977fb40f19e1ecd2";
 
 /* inertia and internal force less gravity: 549 operations (127 add, 411 mul, 4 div, 18 neg, 7 call) */
 void corotational_beam_residual(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

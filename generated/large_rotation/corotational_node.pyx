@@ -47,208 +47,58 @@ ADDRESSES = {
 
 residual = function(
     "residual", ADDRESSES["residual"], (0, 0, 12, 8, 0, 6), ('u', 'p'),
-    """inertia and internal force less gravity.
-
-    7 operations (2 add, 5 mul).
-
-    Parameters
-    ----------
-    u
-        12 entries.
-    p
-        8 entries.
-    out
-        6 entries, made when absent.
-        0 to 5: residual (6 x 1) [N, N, N*m, N, N, N*m], inertia of a body at the first node less gravity.
-
-    Returns
-    -------
-    out
-    """,
+    """inertia and internal force less gravity.""", """7 operations (2 add, 5 mul).""",
+    """0 to 5: residual (6 x 1) [N, N, N*m, N, N, N*m], inertia of a body at the first node less gravity.""",
 )
 
 tangent = function(
     "tangent", ADDRESSES["tangent"], (0, 0, 0, 8, 0, 108), ('p',),
-    """slopes of the residual.
-
-    0 operations.
-
-    Parameters
-    ----------
-    p
-        8 entries.
-    out
-        108 entries, made when absent.
-        0 to 35: mass (6 x 6) [SI, force over acceleration], slope of the residual by second rates.
-        36 to 71: damping (6 x 6) [SI, force over rate], slope of the residual by rates.
-        72 to 107: stiffness (6 x 6) [SI, force over place], slope of the residual by places.
-
-    Returns
-    -------
-    out
-    """,
+    """slopes of the residual.""", """0 operations.""",
+    """0 to 35: mass (6 x 6) [SI, force over acceleration], slope of the residual by second rates.""",
+    """36 to 71: damping (6 x 6) [SI, force over rate], slope of the residual by rates.""",
+    """72 to 107: stiffness (6 x 6) [SI, force over place], slope of the residual by places.""",
 )
 
 energies = function(
     "energies", ADDRESSES["energies"], (0, 6, 12, 8, 0, 4), ('q', 'u', 'p'),
-    """energies of the element.
-
-    13 operations (3 add, 10 mul, 1 neg).
-
-    Parameters
-    ----------
-    q
-        6 entries.
-    u
-        12 entries.
-    p
-        8 entries.
-    out
-        4 entries, made when absent.
-        0 to 3: energies (4 x 1) [J, J, J, W], kinetic energy, strain energy, potential of gravity, power dissipated.
-
-    Returns
-    -------
-    out
-    """,
+    """energies of the element.""", """13 operations (3 add, 10 mul, 1 neg).""",
+    """0 to 3: energies (4 x 1) [J, J, J, W], kinetic energy, strain energy, potential of gravity, power dissipated.""",
 )
 
 shares = function(
     "shares", ADDRESSES["shares"], (0, 0, 0, 8, 0, 4), ('p',),
-    """shares of a force along the link by node.
-
-    34 operations (8 add, 26 mul, 1 neg).
-
-    Parameters
-    ----------
-    p
-        8 entries.
-    out
-        4 entries, made when absent.
-        0 to 3: shares (4 x 1) [1, m, 1, m], shares of a force along the link by node.
-
-    Returns
-    -------
-    out
-    """,
+    """shares of a force along the link by node.""", """34 operations (8 add, 26 mul, 1 neg).""",
+    """0 to 3: shares (4 x 1) [1, m, 1, m], shares of a force along the link by node.""",
 )
 
 force = function(
     "force", ADDRESSES["force"], (0, 6, 0, 0, 6, 3), ('q', 'work'),
-    """forces on a node by a force along the link.
-
-    15 operations (3 add, 10 mul, 2 call).
-
-    Parameters
-    ----------
-    q
-        6 entries.
-    work
-        6 entries.
-    out
-        3 entries, made when absent.
-        0 to 2: force (3 x 1) [N, N, N*m], forces on a node by a force along the link.
-
-    Returns
-    -------
-    out
-    """,
+    """forces on a node by a force along the link.""", """15 operations (3 add, 10 mul, 2 call).""",
+    """0 to 2: force (3 x 1) [N, N, N*m], forces on a node by a force along the link.""",
 )
 
 follower = function(
     "follower", ADDRESSES["follower"], (0, 6, 0, 8, 6, 6), ('q', 'p', 'work'),
-    """forces on two nodes by a force that follows sections.
-
-    183 operations (62 add, 117 mul, 5 neg, 4 call).
-
-    Parameters
-    ----------
-    q
-        6 entries.
-    p
-        8 entries.
-    work
-        6 entries.
-    out
-        6 entries, made when absent.
-        0 to 5: follower (6 x 1) [N, N, N*m], forces on two nodes by a force that follows sections.
-
-    Returns
-    -------
-    out
-    """,
+    """forces on two nodes by a force that follows sections.""", """183 operations (62 add, 117 mul, 5 neg, 4 call).""",
+    """0 to 5: follower (6 x 1) [N, N, N*m], forces on two nodes by a force that follows sections.""",
 )
 
 far_end = function(
     "far_end", ADDRESSES["far_end"], (0, 6, 12, 8, 0, 6), ('q', 'u', 'p'),
-    """place of the far end, and its rates.
-
-    25 operations (8 add, 15 mul, 2 call).
-
-    Parameters
-    ----------
-    q
-        6 entries.
-    u
-        12 entries.
-    p
-        8 entries.
-    out
-        6 entries, made when absent.
-        0 to 5: far_end (6 x 1) [m, m/s, m/s^2], place of the far end, and its rates.
-
-    Returns
-    -------
-    out
-    """,
+    """place of the far end, and its rates.""", """25 operations (8 add, 15 mul, 2 call).""",
+    """0 to 5: far_end (6 x 1) [m, m/s, m/s^2], place of the far end, and its rates.""",
 )
 
 chord = function(
     "chord", ADDRESSES["chord"], (0, 6, 12, 0, 0, 2), ('q', 'u'),
-    """direction of the line between the nodes, and its rate.
-
-    19 operations (7 add, 10 mul, 1 div, 1 call).
-
-    Parameters
-    ----------
-    q
-        6 entries.
-    u
-        12 entries.
-    out
-        2 entries, made when absent.
-        0 to 1: chord (2 x 1) [rad, rad/s], direction of the line between the nodes, and its rate.
-
-    Returns
-    -------
-    out
-    """,
+    """direction of the line between the nodes, and its rate.""", """19 operations (7 add, 10 mul, 1 div, 1 call).""",
+    """0 to 1: chord (2 x 1) [rad, rad/s], direction of the line between the nodes, and its rate.""",
 )
 
 weld = function(
     "weld", ADDRESSES["weld"], (0, 6, 12, 8, 6, 44), ('q', 'u', 'p', 'work'),
-    """a section that is welded to a rigid link.
-
-    47 operations (13 add, 31 mul, 1 div, 1 neg, 2 call).
-
-    Parameters
-    ----------
-    q
-        6 entries.
-    u
-        12 entries.
-    p
-        8 entries.
-    work
-        6 entries.
-    out
-        44 entries, made when absent.
-        0 to 1: weld_error (2 x 1) [1, 1/s], error of a weld to a rigid link, and its rate.
-        2 to 7: weld_slopes (6 x 1) [1/m, 1], slopes of the error by the state.
-        8 to 43: weld_curvature (6 x 6) [SI], slopes of these.
-
-    Returns
-    -------
-    out
-    """,
+    """a section that is welded to a rigid link.""", """47 operations (13 add, 31 mul, 1 div, 1 neg, 2 call).""",
+    """0 to 1: weld_error (2 x 1) [1, 1/s], error of a weld to a rigid link, and its rate.""",
+    """2 to 7: weld_slopes (6 x 1) [1/m, 1], slopes of the error by the state.""",
+    """8 to 43: weld_curvature (6 x 6) [SI], slopes of these.""",
 )

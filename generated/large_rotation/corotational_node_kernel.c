@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char corotational_node_equations[65] = "e244db98aebf9c8173dcc91e43b152bc85ef1e9e797a3190dc0252ac00ef7f83";
+const char corotational_node_equations[65] = "0f1caced1f63186c025f82c50728612a6809d392be7ea41bb8c1748138d3dd82";
 
 /* inertia and internal force less gravity: 7 operations (2 add, 5 mul) */
 void corotational_node_residual(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

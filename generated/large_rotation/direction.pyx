@@ -31,43 +31,13 @@ ADDRESSES = {
 
 row = function(
     "row", ADDRESSES["row"], (0, 21, 29, 0, 0, 23), ('q', 'u'),
-    """error, rate and slopes of the constraint.
-
-    125 operations (38 add, 87 mul).
-
-    Parameters
-    ----------
-    q
-        21 entries.
-    u
-        29 entries.
-    out
-        23 entries, made when absent.
-        0 to 1: error (2 x 1) [1; 1/s], error and rate.
-        2 to 22: slopes (21 x 1) [SI], slopes by the vectors.
-
-    Returns
-    -------
-    out
-    """,
+    """error, rate and slopes of the constraint.""", """125 operations (38 add, 87 mul).""",
+    """0 to 1: error (2 x 1) [1; 1/s], error and rate.""",
+    """2 to 22: slopes (21 x 1) [SI], slopes by the vectors.""",
 )
 
 curvature = function(
     "curvature", ADDRESSES["curvature"], (0, 0, 29, 0, 0, 441), ('u',),
-    """slopes of the slopes.
-
-    12 operations (12 mul).
-
-    Parameters
-    ----------
-    u
-        29 entries.
-    out
-        441 entries, made when absent.
-        0 to 440: curvature (21 x 21) [SI], slopes of the slopes.
-
-    Returns
-    -------
-    out
-    """,
+    """slopes of the slopes.""", """12 operations (12 mul).""",
+    """0 to 440: curvature (21 x 21) [SI], slopes of the slopes.""",
 )

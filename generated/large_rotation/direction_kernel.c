@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char direction_equations[65] = "31c4f1bc809cbc1cd6a543cf5c7d326bd2b0e003689653d3777bcf07ceaa92e1";
+const char direction_equations[65] = "1a549e45a42d86680dcd4762a1627f03194d4272c8eae601b459ceb23f753b04";
 
 /* error, rate and slopes of the constraint: 125 operations (38 add, 87 mul) */
 void direction_row(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -32,47 +32,13 @@ ADDRESSES = {
 
 row_tangent = function(
     "row_tangent", ADDRESSES["row_tangent"], (0, 21, 29, 0, 50, 23), ('q', 'u', 'work'),
-    """tangent of error, rate and slopes of the constraint.
-
-    348 operations (140 add, 208 mul).
-
-    Parameters
-    ----------
-    q
-        21 entries.
-    u
-        29 entries.
-    work
-        50 entries.
-    out
-        23 entries, made when absent.
-        0 to 1: error_tangent (2 x 1) [1; 1/s], tangent of error and rate.
-        2 to 22: slopes_tangent (21 x 1) [SI], tangent of slopes by the vectors.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of error, rate and slopes of the constraint.""", """348 operations (140 add, 208 mul).""",
+    """0 to 1: error_tangent (2 x 1) [1; 1/s], tangent of error and rate.""",
+    """2 to 22: slopes_tangent (21 x 1) [SI], tangent of slopes by the vectors.""",
 )
 
 curvature_tangent = function(
     "curvature_tangent", ADDRESSES["curvature_tangent"], (0, 0, 29, 0, 50, 441), ('u', 'work'),
-    """tangent of slopes of the slopes.
-
-    36 operations (12 add, 24 mul).
-
-    Parameters
-    ----------
-    u
-        29 entries.
-    work
-        50 entries.
-    out
-        441 entries, made when absent.
-        0 to 440: curvature_tangent (21 x 21) [SI], tangent of slopes of the slopes.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of slopes of the slopes.""", """36 operations (12 add, 24 mul).""",
+    """0 to 440: curvature_tangent (21 x 21) [SI], tangent of slopes of the slopes.""",
 )

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char direction_tangents_equations[65] = "f6b227ff03abc47620d9d557fe86280f00f5fd7eb8d7156ebcbf64c3c05bf1dc";
+const char direction_tangents_equations[65] = "85768f79e84d5b77a70571907f542598737bc775ac865cb91fec3a182e8d20d0";
 
 /* tangent of error, rate and slopes of the constraint: 348 operations (140 add, 208 mul) */
 void direction_tangents_row_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -36,98 +36,26 @@ ADDRESSES = {
 
 residual = function(
     "residual", ADDRESSES["residual"], (0, 24, 48, 17, 0, 24), ('q', 'u', 'p'),
-    """inertia and internal force less gravity.
-
-    1185 operations (358 add, 824 mul, 3 div, 12 neg).
-
-    Parameters
-    ----------
-    q
-        24 entries.
-    u
-        48 entries.
-    p
-        17 entries.
-    out
-        24 entries, made when absent.
-        0 to 23: residual (24 x 1) [N; N*m of directors], inertia and internal force less gravity.
-
-    Returns
-    -------
-    out
-    """,
+    """inertia and internal force less gravity.""", """1185 operations (358 add, 824 mul, 3 div, 12 neg).""",
+    """0 to 23: residual (24 x 1) [N; N*m of directors], inertia and internal force less gravity.""",
 )
 
 tangent = function(
     "tangent", ADDRESSES["tangent"], (0, 24, 48, 17, 0, 1728), ('q', 'u', 'p'),
-    """slopes of the residual.
-
-    7081 operations (2398 add, 4678 mul, 5 div, 198 neg).
-
-    Parameters
-    ----------
-    q
-        24 entries.
-    u
-        48 entries.
-    p
-        17 entries.
-    out
-        1728 entries, made when absent.
-        0 to 575: mass (24 x 24) [SI], slope of the residual by second rates.
-        576 to 1151: damping (24 x 24) [SI], slope of the residual by rates.
-        1152 to 1727: stiffness (24 x 24) [SI], slope of the residual by places.
-
-    Returns
-    -------
-    out
-    """,
+    """slopes of the residual.""", """7081 operations (2398 add, 4678 mul, 5 div, 198 neg).""",
+    """0 to 575: mass (24 x 24) [SI], slope of the residual by second rates.""",
+    """576 to 1151: damping (24 x 24) [SI], slope of the residual by rates.""",
+    """1152 to 1727: stiffness (24 x 24) [SI], slope of the residual by places.""",
 )
 
 energies = function(
     "energies", ADDRESSES["energies"], (0, 24, 48, 17, 0, 4), ('q', 'u', 'p'),
-    """energies of the element.
-
-    1145 operations (312 add, 830 mul, 3 div, 9 neg).
-
-    Parameters
-    ----------
-    q
-        24 entries.
-    u
-        48 entries.
-    p
-        17 entries.
-    out
-        4 entries, made when absent.
-        0 to 3: energies (4 x 1) [J, J, J, W], kinetic energy, strain energy, potential of gravity, power dissipated.
-
-    Returns
-    -------
-    out
-    """,
+    """energies of the element.""", """1145 operations (312 add, 830 mul, 3 div, 9 neg).""",
+    """0 to 3: energies (4 x 1) [J, J, J, W], kinetic energy, strain energy, potential of gravity, power dissipated.""",
 )
 
 section = function(
     "section", ADDRESSES["section"], (0, 24, 48, 17, 0, 14), ('q', 'u', 'p'),
-    """strains and stress in a section of the element.
-
-    1463 operations (461 add, 990 mul, 8 div, 21 neg, 4 call).
-
-    Parameters
-    ----------
-    q
-        24 entries.
-    u
-        48 entries.
-    p
-        17 entries.
-    out
-        14 entries, made when absent.
-        0 to 13: section (14 x 1) [1; N*m; Pa; m], strains, moments, stresses, place.
-
-    Returns
-    -------
-    out
-    """,
+    """strains and stress in a section of the element.""", """1463 operations (461 add, 990 mul, 8 div, 21 neg, 4 call).""",
+    """0 to 13: section (14 x 1) [1; N*m; Pa; m], strains, moments, stresses, place.""",
 )

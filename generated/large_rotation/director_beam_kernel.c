@@ -10,7 +10,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char director_beam_equations[65] = "4f070f5fcdd83de4728c2fba021ba9ca19955710df268ff178df5be440510fca";
+const char director_beam_equations[65] = "8dbba4f51803b4f2141b2af36a863b60017b7b99982c4763d035dee06177e4b9";
 
 /* inertia and internal force less gravity: 1185 operations (358 add, 824 mul, 3 div, 12 neg) */
 void director_beam_residual(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -37,106 +37,26 @@ ADDRESSES = {
 
 residual_tangent = function(
     "residual_tangent", ADDRESSES["residual_tangent"], (0, 24, 48, 17, 89, 24), ('q', 'u', 'p', 'work'),
-    """tangent of inertia and internal force less gravity.
-
-    4100 operations (1252 add, 2843 mul, 5 div, 37 neg).
-
-    Parameters
-    ----------
-    q
-        24 entries.
-    u
-        48 entries.
-    p
-        17 entries.
-    work
-        89 entries.
-    out
-        24 entries, made when absent.
-        0 to 23: residual_tangent (24 x 1) [N; N*m of directors], tangent of inertia and internal force less gravity.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of inertia and internal force less gravity.""", """4100 operations (1252 add, 2843 mul, 5 div, 37 neg).""",
+    """0 to 23: residual_tangent (24 x 1) [N; N*m of directors], tangent of inertia and internal force less gravity.""",
 )
 
 tangent_tangent = function(
     "tangent_tangent", ADDRESSES["tangent_tangent"], (0, 24, 48, 17, 89, 1728), ('q', 'u', 'p', 'work'),
-    """tangent of slopes of the residual.
-
-    22447 operations (8315 add, 14125 mul, 7 div, 85 neg).
-
-    Parameters
-    ----------
-    q
-        24 entries.
-    u
-        48 entries.
-    p
-        17 entries.
-    work
-        89 entries.
-    out
-        1728 entries, made when absent.
-        0 to 575: mass_tangent (24 x 24) [SI], tangent of slope of the residual by second rates.
-        576 to 1151: damping_tangent (24 x 24) [SI], tangent of slope of the residual by rates.
-        1152 to 1727: stiffness_tangent (24 x 24) [SI], tangent of slope of the residual by places.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of slopes of the residual.""", """22447 operations (8315 add, 14125 mul, 7 div, 85 neg).""",
+    """0 to 575: mass_tangent (24 x 24) [SI], tangent of slope of the residual by second rates.""",
+    """576 to 1151: damping_tangent (24 x 24) [SI], tangent of slope of the residual by rates.""",
+    """1152 to 1727: stiffness_tangent (24 x 24) [SI], tangent of slope of the residual by places.""",
 )
 
 energies_tangent = function(
     "energies_tangent", ADDRESSES["energies_tangent"], (0, 24, 48, 17, 89, 4), ('q', 'u', 'p', 'work'),
-    """tangent of energies of the element.
-
-    3990 operations (1102 add, 2883 mul, 5 div, 24 neg).
-
-    Parameters
-    ----------
-    q
-        24 entries.
-    u
-        48 entries.
-    p
-        17 entries.
-    work
-        89 entries.
-    out
-        4 entries, made when absent.
-        0 to 3: energies_tangent (4 x 1) [J, J, J, W], tangent of kinetic energy, strain energy, potential of gravity, power dissipated.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of energies of the element.""", """3990 operations (1102 add, 2883 mul, 5 div, 24 neg).""",
+    """0 to 3: energies_tangent (4 x 1) [J, J, J, W], tangent of kinetic energy, strain energy, potential of gravity, power dissipated.""",
 )
 
 section_tangent = function(
     "section_tangent", ADDRESSES["section_tangent"], (0, 24, 48, 17, 89, 14), ('q', 'u', 'p', 'work'),
-    """tangent of strains and stress in a section of the element.
-
-    7555 operations (2159 add, 5368 mul, 17 div, 91 neg, 11 call).
-
-    Parameters
-    ----------
-    q
-        24 entries.
-    u
-        48 entries.
-    p
-        17 entries.
-    work
-        89 entries.
-    out
-        14 entries, made when absent.
-        0 to 13: section_tangent (14 x 1) [1; N*m; Pa; m], tangent of strains, moments, stresses, place.
-
-    Returns
-    -------
-    out
-    """,
+    """tangent of strains and stress in a section of the element.""", """7555 operations (2159 add, 5368 mul, 17 div, 91 neg, 11 call).""",
+    """0 to 13: section_tangent (14 x 1) [1; N*m; Pa; m], tangent of strains, moments, stresses, place.""",
 )

@@ -10,7 +10,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char director_beam_tangents_equations[65] = "c460aee98c3ac632efbca67aa114243dadf0aae09206bd16ffa7a8a184daa93b";
+const char director_beam_tangents_equations[65] = "ddb6c15836fcf020ac990ed83847547e74d1ebd16e16509889210c3be686b6b5";
 
 /* tangent of inertia and internal force less gravity: 4100 operations (1252 add, 2843 mul, 5 div, 37 neg) */
 void director_beam_tangents_residual_tangent(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

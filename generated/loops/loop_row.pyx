@@ -28,20 +28,6 @@ ADDRESSES = {
 
 transform = function(
     "transform", ADDRESSES["transform"], (0, 5, 0, 0, 0, 12), ('q',),
-    """axes and origin of the frame behind the row.
-
-    28 operations (5 add, 17 mul, 1 neg, 6 call).
-
-    Parameters
-    ----------
-    q
-        5 entries.
-    out
-        12 entries, made when absent.
-        0 to 11: transform (3 x 4) [1, m], axes and origin of the frame behind the row.
-
-    Returns
-    -------
-    out
-    """,
+    """axes and origin of the frame behind the row.""", """28 operations (5 add, 17 mul, 1 neg, 6 call).""",
+    """0 to 11: transform (3 x 4) [1, m], axes and origin of the frame behind the row.""",
 )

@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char loop_row_equations[65] = "928e027f2bc743df68a8807165ecb1676f13aa6989bbb715da0dedd52757aa13";
+const char loop_row_equations[65] = "3728ac6ca2c3e645efc282464af8a14b924734c18f09832ffe7808c3074ac0f2";
 
 /* axes and origin of the frame behind the row: 28 operations (5 add, 17 mul, 1 neg, 6 call) */
 void loop_row_transform(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -63,319 +63,95 @@ ADDRESSES = {
 
 setup = function(
     "setup", ADDRESSES["setup"], (0, 0, 0, 1, 0, 20), ('p',),
-    """what depends on the parameters alone, once before all else: out is p + 1.
-
-    17 operations (16 mul, 1 div, 3 neg).
-
-    Parameters
-    ----------
-    p
-        1 entries.
-    out
-        20 entries, made when absent.
-        0 to 19: derived (20 x 1) [SI], for all other kernels to read.
-
-    Returns
-    -------
-    out
-    """,
+    """what depends on the parameters alone, once before all else: out is p + 1.""", """17 operations (16 mul, 1 div, 3 neg).""",
+    """0 to 19: derived (20 x 1) [SI], for all other kernels to read.""",
 )
 
 factor = function(
     "factor", ADDRESSES["factor"], (0, 8, 0, 22, 107, 0), ('q', 'p'),
-    """factors of [M J^T; J 0] into work, for 'solve'; behind them the pivots.
-
-    458 operations (178 add, 267 mul, 10 div, 19 neg, 3 call).
-
-    Parameters
-    ----------
-    q
-        8 entries.
-    p
-        22 entries.
-    work
-        107 entries, made when absent.
-    out
-        0 entries, made when absent.
-
-    Returns
-    -------
-    out
-    """,
+    """factors of [M J^T; J 0] into work, for 'solve'; behind them the pivots.""", """458 operations (178 add, 267 mul, 10 div, 19 neg, 3 call).""",
 )
 
 solve = function(
     "solve", ADDRESSES["solve"], (0, 0, 0, 0, 77, 15), ('work', 'out'),
-    """solution for the right-hand side in out, with the factors in work, in place.
-
-    279 operations (132 add, 147 mul, 1 neg).
-
-    Parameters
-    ----------
-    work
-        77 entries.
-    out
-        15 entries.
-    out
-        15 entries.
-        0 to 14: solution (15 x 1) [1], right-hand side before, solution after.
-
-    Returns
-    -------
-    out
-    """,
+    """solution for the right-hand side in out, with the factors in work, in place.""", """279 operations (132 add, 147 mul, 1 neg).""",
+    """0 to 14: solution (15 x 1) [1], right-hand side before, solution after.""",
 )
 
 accelerations = function(
     "accelerations", ADDRESSES["accelerations"], (0, 8, 8, 22, 107, 15), ('q', 'u', 'p'),
-    """accelerations and multipliers: [M J^T; J 0] [a; lambda] = [f; gamma].
-
-    766 operations (325 add, 428 mul, 10 div, 33 neg, 3 call).
-
-    Parameters
-    ----------
-    q
-        8 entries.
-    u
-        8 entries.
-    p
-        22 entries.
-    work
-        107 entries, made when absent.
-    out
-        15 entries, made when absent.
-        0 to 7: accelerations (8 x 1) [m/s^2], accelerations of the moving points.
-        8 to 14: multipliers (7 x 1) [N/m], multipliers of the constraints.
-
-    Returns
-    -------
-    out
-    """,
+    """accelerations and multipliers: [M J^T; J 0] [a; lambda] = [f; gamma].""", """766 operations (325 add, 428 mul, 10 div, 33 neg, 3 call).""",
+    """0 to 7: accelerations (8 x 1) [m/s^2], accelerations of the moving points.""",
+    """8 to 14: multipliers (7 x 1) [N/m], multipliers of the constraints.""",
 )
 
 energy = function(
     "energy", ADDRESSES["energy"], (0, 8, 8, 21, 0, 2), ('q', 'u', 'p'),
-    """kinetic and potential energy.
-
-    46 operations (18 add, 28 mul).
-
-    Parameters
-    ----------
-    q
-        8 entries.
-    u
-        8 entries.
-    p
-        21 entries.
-    out
-        2 entries, made when absent.
-        0 to 0: kinetic_energy (1 x 1) [J], kinetic energy.
-        1 to 1: potential_energy (1 x 1) [J], potential of gravity and springs.
-
-    Returns
-    -------
-    out
-    """,
+    """kinetic and potential energy.""", """46 operations (18 add, 28 mul).""",
+    """0 to 0: kinetic_energy (1 x 1) [J], kinetic energy.""",
+    """1 to 1: potential_energy (1 x 1) [J], potential of gravity and springs.""",
 )
 
 points = function(
     "points", ADDRESSES["points"], (0, 8, 8, 0, 0, 24), ('q', 'u'),
-    """position and velocity of all points.
-
-    0 operations.
-
-    Parameters
-    ----------
-    q
-        8 entries.
-    u
-        8 entries.
-    out
-        24 entries, made when absent.
-        0 to 11: positions (6 x 2) [m], positions of all points.
-        12 to 23: velocities (6 x 2) [m/s], velocities of all points.
-
-    Returns
-    -------
-    out
-    """,
+    """position and velocity of all points.""", """0 operations.""",
+    """0 to 11: positions (6 x 2) [m], positions of all points.""",
+    """12 to 23: velocities (6 x 2) [m/s], velocities of all points.""",
 )
 
 point_accelerations = function(
     "point_accelerations", ADDRESSES["point_accelerations"], (0, 0, 0, 0, 15, 12), ('work',),
-    """acceleration of all points.
-
-    0 operations.
-
-    Parameters
-    ----------
-    work
-        15 entries.
-    out
-        12 entries, made when absent.
-        0 to 11: point_accelerations (6 x 2) [m/s^2], accelerations of all points.
-
-    Returns
-    -------
-    out
-    """,
+    """acceleration of all points.""", """0 operations.""",
+    """0 to 11: point_accelerations (6 x 2) [m/s^2], accelerations of all points.""",
 )
 
 constraints = function(
     "constraints", ADDRESSES["constraints"], (0, 8, 0, 0, 0, 14), ('q',),
-    """constraints and their scale.
-
-    52 operations (24 add, 28 mul, 5 neg).
-
-    Parameters
-    ----------
-    q
-        8 entries.
-    out
-        14 entries, made when absent.
-        0 to 6: constraints (7 x 1) [m^2], constraints Phi.
-        7 to 13: constraint_scale (7 x 1) [m, 1], divisor by which a constraint becomes an error in metres.
-
-    Returns
-    -------
-    out
-    """,
+    """constraints and their scale.""", """52 operations (24 add, 28 mul, 5 neg).""",
+    """0 to 6: constraints (7 x 1) [m^2], constraints Phi.""",
+    """7 to 13: constraint_scale (7 x 1) [m, 1], divisor by which a constraint becomes an error in metres.""",
 )
 
 velocity_constraints = function(
     "velocity_constraints", ADDRESSES["velocity_constraints"], (0, 8, 8, 0, 0, 7), ('q', 'u'),
-    """rate of the constraints.
-
-    39 operations (25 add, 14 mul, 11 neg).
-
-    Parameters
-    ----------
-    q
-        8 entries.
-    u
-        8 entries.
-    out
-        7 entries, made when absent.
-        0 to 6: velocity_constraints (7 x 1) [m^2/s], rate of Phi.
-
-    Returns
-    -------
-    out
-    """,
+    """rate of the constraints.""", """39 operations (25 add, 14 mul, 11 neg).""",
+    """0 to 6: velocity_constraints (7 x 1) [m^2/s], rate of Phi.""",
 )
 
 constraint_jacobian = function(
     "constraint_jacobian", ADDRESSES["constraint_jacobian"], (0, 8, 0, 0, 0, 56), ('q',),
-    """constraint Jacobian.
-
-    10 operations (10 add, 17 neg).
-
-    Parameters
-    ----------
-    q
-        8 entries.
-    out
-        56 entries, made when absent.
-        0 to 55: constraint_jacobian (7 x 8) [m], constraint Jacobian, J.
-
-    Returns
-    -------
-    out
-    """,
+    """constraint Jacobian.""", """10 operations (10 add, 17 neg).""",
+    """0 to 55: constraint_jacobian (7 x 8) [m], constraint Jacobian, J.""",
 )
 
 reactions = function(
     "reactions", ADDRESSES["reactions"], (0, 8, 0, 21, 15, 4), ('q', 'p', 'work'),
-    """reactions at the ground points.
-
-    24 operations (12 add, 12 mul, 3 neg).
-
-    Parameters
-    ----------
-    q
-        8 entries.
-    p
-        21 entries.
-    work
-        15 entries.
-    out
-        4 entries, made when absent.
-        0 to 3: reactions (2 x 2) [N], force of the ground on the linkage at each ground point.
-
-    Returns
-    -------
-    out
-    """,
+    """reactions at the ground points.""", """24 operations (12 add, 12 mul, 3 neg).""",
+    """0 to 3: reactions (2 x 2) [N], force of the ground on the linkage at each ground point.""",
 )
 
 outputs = function(
     "outputs", ADDRESSES["outputs"], (0, 8, 8, 21, 15, 16), ('q', 'u', 'p', 'work'),
-    """outputs of the scene.
-
-    72 operations (31 add, 41 mul, 3 neg).
-
-    Parameters
-    ----------
-    q
-        8 entries.
-    u
-        8 entries.
-    p
-        21 entries.
-    work
-        15 entries.
-    out
-        16 entries, made when absent.
-        0 to 1: C.position (2 x 1) [m], position of C.
-        2 to 3: C.velocity (2 x 1) [m/s], velocity of C.
-        4 to 5: A.position (2 x 1) [m], position of A.
-        6 to 7: B.position (2 x 1) [m], position of B.
-        8 to 9: D.position (2 x 1) [m], position of D.
-        10 to 10: OA.tension (1 x 1) [N], force of the length constraint of OA, tension positive.
-        11 to 12: O.reaction (2 x 1) [N], force of the ground on the linkage at O.
-        13 to 14: E.reaction (2 x 1) [N], force of the ground on the linkage at E.
-        15 to 15: energy (1 x 1) [J], kinetic plus potential energy.
-
-    Returns
-    -------
-    out
-    """,
+    """outputs of the scene.""", """72 operations (31 add, 41 mul, 3 neg).""",
+    """0 to 1: C.position (2 x 1) [m], position of C.""",
+    """2 to 3: C.velocity (2 x 1) [m/s], velocity of C.""",
+    """4 to 5: A.position (2 x 1) [m], position of A.""",
+    """6 to 7: B.position (2 x 1) [m], position of B.""",
+    """8 to 9: D.position (2 x 1) [m], position of D.""",
+    """10 to 10: OA.tension (1 x 1) [N], force of the length constraint of OA, tension positive.""",
+    """11 to 12: O.reaction (2 x 1) [N], force of the ground on the linkage at O.""",
+    """13 to 14: E.reaction (2 x 1) [N], force of the ground on the linkage at E.""",
+    """15 to 15: energy (1 x 1) [J], kinetic plus potential energy.""",
 )
 
 drawn = function(
     "drawn", ADDRESSES["drawn"], (0, 0, 0, 0, 0, 8), (),
-    """coordinates as drawn.
-
-    0 operations.
-
-    Parameters
-    ----------
-    out
-        8 entries, made when absent.
-        0 to 7: drawn (8 x 1) [m], coordinates as drawn.
-
-    Returns
-    -------
-    out
-    """,
+    """coordinates as drawn.""", """0 operations.""",
+    """0 to 7: drawn (8 x 1) [m], coordinates as drawn.""",
 )
 
 limits = function(
     "limits", ADDRESSES["limits"], (0, 0, 0, 1, 0, 1), ('p',),
-    """values with a limit, over the tunable parameters.
-
-    0 operations.
-
-    Parameters
-    ----------
-    p
-        1 entries.
-    out
-        1 entries, made when absent.
-        0 to 0: at_least_zero (1 x 1) [kg/m], values of the scene that must be at least zero.
-
-    Returns
-    -------
-    out
-    """,
+    """values with a limit, over the tunable parameters.""", """0 operations.""",
+    """0 to 0: at_least_zero (1 x 1) [kg/m], values of the scene that must be at least zero.""",
 )

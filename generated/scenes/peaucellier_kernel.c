@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char peaucellier_equations[65] = "b471e7e01870f38795b95b2fe1719aaafccfa6101edd89647b60524c23c82f7f";
+const char peaucellier_equations[65] = "7936ba913e250aa40d2000eb1f8b262d441eabce93f1d32fec34b7627e0157b5";
 
 /* One over a pivot, or zero where cancellation left nothing of it. */
 static double guarded_inverse(double pivot, double sound, double tolerance)

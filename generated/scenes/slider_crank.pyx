@@ -51,240 +51,90 @@ ADDRESSES = {
 
 setup = function(
     "setup", ADDRESSES["setup"], (0, 0, 0, 5, 0, 6), ('p',),
-    """what depends on the parameters alone, once before all else: out is p + 5.
-
-    11 operations (8 mul, 1 neg, 3 call).
-
-    Parameters
-    ----------
-    p
-        5 entries.
-    out
-        6 entries, made when absent.
-        0 to 5: derived (6 x 1) [SI], for all other kernels to read.
-
-    Returns
-    -------
-    out
-    """,
+    """what depends on the parameters alone, once before all else: out is p + 5.""", """11 operations (8 mul, 1 neg, 3 call).""",
+    """0 to 5: derived (6 x 1) [SI], for all other kernels to read.""",
 )
 
 inputs = function(
     "inputs", ADDRESSES["inputs"], (1, 0, 0, 11, 0, 6), ('t', 'p'),
-    """prescribed motions by time.
-
-    8 operations (1 add, 5 mul, 1 neg, 2 call).
-
-    Parameters
-    ----------
-    t
-        1 entries.
-    p
-        11 entries.
-    out
-        6 entries, made when absent.
-        0 to 5: inputs (2 x 3) [rad, rad/s, rad/s^2, m, m/s, m/s^2], prescribed motions: value, rate, acceleration.
-
-    Returns
-    -------
-    out
-    """,
+    """prescribed motions by time.""", """8 operations (1 add, 5 mul, 1 neg, 2 call).""",
+    """0 to 5: inputs (2 x 3) [rad, rad/s, rad/s^2, m, m/s, m/s^2], prescribed motions: value, rate, acceleration.""",
 )
 
 position = function(
     "position", ADDRESSES["position"], (0, 8, 0, 11, 0, 60), ('q', 'p'),
-    """closure defect and its derivative.
-
-    145 operations (46 add, 87 mul, 6 neg, 12 call).
-
-    Parameters
-    ----------
-    q
-        8 entries.
-    p
-        11 entries.
-    out
-        60 entries, made when absent.
-        0 to 11: closure_defect (3 x 4) [1, m], B - I of the closure B = T_1 ... T_n: rotation, translation.
-        12 to 59: closure_jacobian (6 x 8) [1, m], screws of the joint variables in the first frame: exact also where it is open.
-
-    Returns
-    -------
-    out
-    """,
+    """closure defect and its derivative.""", """145 operations (46 add, 87 mul, 6 neg, 12 call).""",
+    """0 to 11: closure_defect (3 x 4) [1, m], B - I of the closure B = T_1 ... T_n: rotation, translation.""",
+    """12 to 59: closure_jacobian (6 x 8) [1, m], screws of the joint variables in the first frame: exact also where it is open.""",
 )
 
 motion = function(
     "motion", ADDRESSES["motion"], (0, 8, 8, 11, 0, 54), ('q', 'u', 'p'),
-    """screws and terms of their rates.
-
-    147 operations (44 add, 95 mul, 18 neg, 8 call).
-
-    Parameters
-    ----------
-    q
-        8 entries.
-    u
-        8 entries.
-    p
-        11 entries.
-    out
-        54 entries, made when absent.
-        0 to 47: screws (6 x 8) [1, m], screws of the joint variables in the first frame, by the shorter way.
-        48 to 53: screw_drift (6 x 1) [rad/s^2, m/s^2], terms of the rates: sum of screws times accelerations + drift = 0.
-
-    Returns
-    -------
-    out
-    """,
+    """screws and terms of their rates.""", """147 operations (44 add, 95 mul, 18 neg, 8 call).""",
+    """0 to 47: screws (6 x 8) [1, m], screws of the joint variables in the first frame, by the shorter way.""",
+    """48 to 53: screw_drift (6 x 1) [rad/s^2, m/s^2], terms of the rates: sum of screws times accelerations + drift = 0.""",
 )
 
 rows = function(
     "rows", ADDRESSES["rows"], (0, 8, 0, 11, 0, 20), ('q', 'p'),
-    """the link-joint table.
-
-    0 operations.
-
-    Parameters
-    ----------
-    q
-        8 entries.
-    p
-        11 entries.
-    out
-        20 entries, made when absent.
-        0 to 19: rows (4 x 5) [rad, m], link-joint table.
-
-    Returns
-    -------
-    out
-    """,
+    """the link-joint table.""", """0 operations.""",
+    """0 to 19: rows (4 x 5) [rad, m], link-joint table.""",
 )
 
 inverse = function(
     "inverse", ADDRESSES["inverse"], (0, 8, 8, 0, 14, 8), ('q', 'u', 'work'),
-    """efforts of motion and loads.
-
-    133 operations (47 add, 76 mul, 4 neg, 10 call).
-
-    Parameters
-    ----------
-    q
-        8 entries.
-    u
-        8 entries.
-    work
-        14 entries.
-    out
-        8 entries, made when absent.
-        0 to 7: inverse_efforts (8 x 1) [N*m, N], efforts of motion and loads at the variables, without that of the closing wrench.
-
-    Returns
-    -------
-    out
-    """,
+    """efforts of motion and loads.""", """133 operations (47 add, 76 mul, 4 neg, 10 call).""",
+    """0 to 7: inverse_efforts (8 x 1) [N*m, N], efforts of motion and loads at the variables, without that of the closing wrench.""",
 )
 
 given = function(
     "given", ADDRESSES["given"], (0, 0, 0, 0, 0, 8), (),
-    """known efforts.
-
-    0 operations.
-
-    Parameters
-    ----------
-    out
-        8 entries, made when absent.
-        0 to 7: given_efforts (8 x 1) [N*m, N], known efforts of drives, else 0.
-
-    Returns
-    -------
-    out
-    """,
+    """known efforts.""", """0 operations.""",
+    """0 to 7: given_efforts (8 x 1) [N*m, N], known efforts of drives, else 0.""",
 )
 
 energy = function(
     "energy", ADDRESSES["energy"], (0, 8, 8, 11, 14, 3), ('q', 'u', 'p', 'work'),
-    """energies, and power of drives and loads.
-
-    201 operations (74 add, 117 mul, 3 neg, 10 call).
-
-    Parameters
-    ----------
-    q
-        8 entries.
-    u
-        8 entries.
-    p
-        11 entries.
-    work
-        14 entries.
-    out
-        3 entries, made when absent.
-        0 to 0: kinetic_energy (1 x 1) [J], kinetic energy.
-        1 to 1: potential_energy (1 x 1) [J], potential of gravity.
-        2 to 2: power (1 x 1) [W], power of drives and loads.
-
-    Returns
-    -------
-    out
-    """,
+    """energies, and power of drives and loads.""", """201 operations (74 add, 117 mul, 3 neg, 10 call).""",
+    """0 to 0: kinetic_energy (1 x 1) [J], kinetic energy.""",
+    """1 to 1: potential_energy (1 x 1) [J], potential of gravity.""",
+    """2 to 2: power (1 x 1) [W], power of drives and loads.""",
 )
 
 outputs = function(
     "outputs", ADDRESSES["outputs"], (0, 8, 8, 11, 14, 45), ('q', 'u', 'p', 'work'),
-    """outputs of the scene.
-
-    222 operations (83 add, 127 mul, 13 neg, 12 call).
-
-    Parameters
-    ----------
-    q
-        8 entries.
-    u
-        8 entries.
-    p
-        11 entries.
-    work
-        14 entries.
-    out
-        45 entries, made when absent.
-        0 to 0: theta1 (1 x 1) [rad], theta of joint 1, between ground and crank.
-        1 to 1: theta1.rate (1 x 1) [rad/s], rate of theta1.
-        2 to 2: theta1.acceleration (1 x 1) [rad/s^2], acceleration of theta1.
-        3 to 3: theta1.drive (1 x 1) [N*m], torque of the drive at theta1.
-        4 to 4: s1 (1 x 1) [m], S of joint 1, between ground and crank.
-        5 to 5: s1.rate (1 x 1) [m/s], rate of s1.
-        6 to 6: s1.acceleration (1 x 1) [m/s^2], acceleration of s1.
-        7 to 7: s1.drive (1 x 1) [N], force of the drive at s1.
-        8 to 8: theta2 (1 x 1) [rad], theta of joint 2, between crank and rod.
-        9 to 9: theta2.rate (1 x 1) [rad/s], rate of theta2.
-        10 to 10: theta2.acceleration (1 x 1) [rad/s^2], acceleration of theta2.
-        11 to 11: eta2 (1 x 1) [rad], eta of joint 2, between crank and rod.
-        12 to 12: eta2.rate (1 x 1) [rad/s], rate of eta2.
-        13 to 13: eta2.acceleration (1 x 1) [rad/s^2], acceleration of eta2.
-        14 to 14: theta3 (1 x 1) [rad], theta of joint 3, between rod and slider.
-        15 to 15: theta3.rate (1 x 1) [rad/s], rate of theta3.
-        16 to 16: theta3.acceleration (1 x 1) [rad/s^2], acceleration of theta3.
-        17 to 17: eta3 (1 x 1) [rad], eta of joint 3, between rod and slider.
-        18 to 18: eta3.rate (1 x 1) [rad/s], rate of eta3.
-        19 to 19: eta3.acceleration (1 x 1) [rad/s^2], acceleration of eta3.
-        20 to 20: alpha3 (1 x 1) [rad], alpha of joint 3, between rod and slider.
-        21 to 21: alpha3.rate (1 x 1) [rad/s], rate of alpha3.
-        22 to 22: alpha3.acceleration (1 x 1) [rad/s^2], acceleration of alpha3.
-        23 to 23: S4 (1 x 1) [m], S of joint 4, between slider and ground.
-        24 to 24: S4.rate (1 x 1) [m/s], rate of S4.
-        25 to 25: S4.acceleration (1 x 1) [m/s^2], acceleration of S4.
-        26 to 26: S4.drive (1 x 1) [N], force of the drive at S4.
-        27 to 29: crank.joint1.force (3 x 1) [N], force on crank at joint 1, in frame {1}.
-        30 to 32: crank.joint1.moment (3 x 1) [N*m], moment on crank at joint 1 about the origin of frame {1}, in that frame.
-        33 to 35: crank.joint2.force (3 x 1) [N], force on crank at joint 2, in frame {2}.
-        36 to 38: slider.joint3.force (3 x 1) [N], force on slider at joint 3, in frame {3}.
-        39 to 41: slider.joint4.force (3 x 1) [N], force on slider at joint 4, in frame {4}.
-        42 to 44: slider.joint4.moment (3 x 1) [N*m], moment on slider at joint 4 about the origin of frame {4}, in that frame.
-
-    Returns
-    -------
-    out
-    """,
+    """outputs of the scene.""", """222 operations (83 add, 127 mul, 13 neg, 12 call).""",
+    """0 to 0: theta1 (1 x 1) [rad], theta of joint 1, between ground and crank.""",
+    """1 to 1: theta1.rate (1 x 1) [rad/s], rate of theta1.""",
+    """2 to 2: theta1.acceleration (1 x 1) [rad/s^2], acceleration of theta1.""",
+    """3 to 3: theta1.drive (1 x 1) [N*m], torque of the drive at theta1.""",
+    """4 to 4: s1 (1 x 1) [m], S of joint 1, between ground and crank.""",
+    """5 to 5: s1.rate (1 x 1) [m/s], rate of s1.""",
+    """6 to 6: s1.acceleration (1 x 1) [m/s^2], acceleration of s1.""",
+    """7 to 7: s1.drive (1 x 1) [N], force of the drive at s1.""",
+    """8 to 8: theta2 (1 x 1) [rad], theta of joint 2, between crank and rod.""",
+    """9 to 9: theta2.rate (1 x 1) [rad/s], rate of theta2.""",
+    """10 to 10: theta2.acceleration (1 x 1) [rad/s^2], acceleration of theta2.""",
+    """11 to 11: eta2 (1 x 1) [rad], eta of joint 2, between crank and rod.""",
+    """12 to 12: eta2.rate (1 x 1) [rad/s], rate of eta2.""",
+    """13 to 13: eta2.acceleration (1 x 1) [rad/s^2], acceleration of eta2.""",
+    """14 to 14: theta3 (1 x 1) [rad], theta of joint 3, between rod and slider.""",
+    """15 to 15: theta3.rate (1 x 1) [rad/s], rate of theta3.""",
+    """16 to 16: theta3.acceleration (1 x 1) [rad/s^2], acceleration of theta3.""",
+    """17 to 17: eta3 (1 x 1) [rad], eta of joint 3, between rod and slider.""",
+    """18 to 18: eta3.rate (1 x 1) [rad/s], rate of eta3.""",
+    """19 to 19: eta3.acceleration (1 x 1) [rad/s^2], acceleration of eta3.""",
+    """20 to 20: alpha3 (1 x 1) [rad], alpha of joint 3, between rod and slider.""",
+    """21 to 21: alpha3.rate (1 x 1) [rad/s], rate of alpha3.""",
+    """22 to 22: alpha3.acceleration (1 x 1) [rad/s^2], acceleration of alpha3.""",
+    """23 to 23: S4 (1 x 1) [m], S of joint 4, between slider and ground.""",
+    """24 to 24: S4.rate (1 x 1) [m/s], rate of S4.""",
+    """25 to 25: S4.acceleration (1 x 1) [m/s^2], acceleration of S4.""",
+    """26 to 26: S4.drive (1 x 1) [N], force of the drive at S4.""",
+    """27 to 29: crank.joint1.force (3 x 1) [N], force on crank at joint 1, in frame {1}.""",
+    """30 to 32: crank.joint1.moment (3 x 1) [N*m], moment on crank at joint 1 about the origin of frame {1}, in that frame.""",
+    """33 to 35: crank.joint2.force (3 x 1) [N], force on crank at joint 2, in frame {2}.""",
+    """36 to 38: slider.joint3.force (3 x 1) [N], force on slider at joint 3, in frame {3}.""",
+    """39 to 41: slider.joint4.force (3 x 1) [N], force on slider at joint 4, in frame {4}.""",
+    """42 to 44: slider.joint4.moment (3 x 1) [N*m], moment on slider at joint 4 about the origin of frame {4}, in that frame.""",
 )

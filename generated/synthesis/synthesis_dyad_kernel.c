@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_dyad_equations[65] = "1befc5c0efd8ade362940bf9d9d0c7ac4bdba04c8ea86515960f25aa0a75c9a5";
+const char synthesis_dyad_equations[65] = "5a55aaf89fa5ddaf9de66568b7af1e7bcef0b13657ab4c88b0bb20cff6434311";
 
 /* residual and its derivatives: 69 operations (25 add, 42 mul, 4 neg, 2 call) */
 void synthesis_dyad_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

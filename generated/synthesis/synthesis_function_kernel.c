@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_function_equations[65] = "840da341117f50b5755b1ace793374da891d0270f5cfe6c3cf5d435a0b60fb2f";
+const char synthesis_function_equations[65] = "007847a011da6949076c54b3aa8d376d09f86375e989d016aefe8430edb85438";
 
 /* residual and its derivatives: 20 operations (10 add, 4 mul, 2 neg, 6 call) */
 void synthesis_function_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -28,21 +28,7 @@ ADDRESSES = {
 
 conditions = function(
     "conditions", ADDRESSES["conditions"], (0, 14, 0, 0, 0, 150), ('q',),
-    """residual and its derivatives.
-
-    97 operations (42 add, 43 mul, 16 neg, 12 call).
-
-    Parameters
-    ----------
-    q
-        14 entries.
-    out
-        150 entries, made when absent.
-        0 to 9: residual (10 x 1) [m, m, rad, m, m, rad, rad, m^2, m^2, rad], expressions that vanish.
-        10 to 149: slopes (10 x 14) [m, m, rad, m, m, rad, rad, m^2, m^2, rad], their derivatives, by the unit of the quantity.
-
-    Returns
-    -------
-    out
-    """,
+    """residual and its derivatives.""", """97 operations (42 add, 43 mul, 16 neg, 12 call).""",
+    """0 to 9: residual (10 x 1) [m, m, rad, m, m, rad, rad, m^2, m^2, rad], expressions that vanish.""",
+    """10 to 149: slopes (10 x 14) [m, m, rad, m, m, rad, rad, m^2, m^2, rad], their derivatives, by the unit of the quantity.""",
 )

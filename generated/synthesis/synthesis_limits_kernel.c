@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_limits_equations[65] = "ef0d3c21c5088c82c0fee0de34fc519ffb5cbb567d48faed911adb56e981b799";
+const char synthesis_limits_equations[65] = "11190d794f28e665effd4b170cb96141fdbeeb6b02426595e6b82a524f25dbb0";
 
 /* residual and its derivatives: 97 operations (42 add, 43 mul, 16 neg, 12 call) */
 void synthesis_limits_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

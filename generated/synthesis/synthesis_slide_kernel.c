@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_slide_equations[65] = "9974e7e2d49d20838c4329601faf8ff44d52be5316bfc94ba6b084d41671cc80";
+const char synthesis_slide_equations[65] = "074c4c4a874f9f2af709b85d33005d5a3ebb1319befd67aeec86bd2a4bd9d127";
 
 /* residual and its derivatives: 32 operations (12 add, 16 mul, 4 neg, 4 call) */
 void synthesis_slide_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -28,21 +28,7 @@ ADDRESSES = {
 
 conditions = function(
     "conditions", ADDRESSES["conditions"], (0, 7, 0, 0, 0, 8), ('q',),
-    """residual and its derivatives.
-
-    36 operations (11 add, 23 mul, 2 neg, 2 call).
-
-    Parameters
-    ----------
-    q
-        7 entries.
-    out
-        8 entries, made when absent.
-        0 to 0: residual (1 x 1) [m^2], expressions that vanish.
-        1 to 7: slopes (1 x 7) [m^2], their derivatives, by the unit of the quantity.
-
-    Returns
-    -------
-    out
-    """,
+    """residual and its derivatives.""", """36 operations (11 add, 23 mul, 2 neg, 2 call).""",
+    """0 to 0: residual (1 x 1) [m^2], expressions that vanish.""",
+    """1 to 7: slopes (1 x 7) [m^2], their derivatives, by the unit of the quantity.""",
 )

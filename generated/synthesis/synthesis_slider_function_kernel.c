@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_slider_function_equations[65] = "bd17ba7a72d8b3525272a3d370806e6b2f149cc708ac996e2471a30de30971e7";
+const char synthesis_slider_function_equations[65] = "76cf4c26e100e1662fe8cba5d39aca33b1ff0af254a982f467ff7056514ff1dd";
 
 /* residual and its derivatives: 36 operations (11 add, 23 mul, 2 neg, 2 call) */
 void synthesis_slider_function_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -28,21 +28,7 @@ ADDRESSES = {
 
 conditions = function(
     "conditions", ADDRESSES["conditions"], (0, 11, 0, 0, 0, 96), ('q',),
-    """residual and its derivatives.
-
-    40 operations (21 add, 11 mul, 11 neg, 8 call).
-
-    Parameters
-    ----------
-    q
-        11 entries.
-    out
-        96 entries, made when absent.
-        0 to 7: residual (8 x 1) [m, m, m, m, m, m, m, rad], expressions that vanish.
-        8 to 95: slopes (8 x 11) [m, m, m, m, m, m, m, rad], their derivatives, by the unit of the quantity.
-
-    Returns
-    -------
-    out
-    """,
+    """residual and its derivatives.""", """40 operations (21 add, 11 mul, 11 neg, 8 call).""",
+    """0 to 7: residual (8 x 1) [m, m, m, m, m, m, m, rad], expressions that vanish.""",
+    """8 to 95: slopes (8 x 11) [m, m, m, m, m, m, m, rad], their derivatives, by the unit of the quantity.""",
 )

@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_slider_limits_equations[65] = "8f44a8d4d4496b9f97cc1ec3b089a60730762ea8ffd8de27479cd778494e496d";
+const char synthesis_slider_limits_equations[65] = "a5ed857507e25e7b4fe6653555fea34fd3d3f73bdd1215c411d4f21e15cfa333";
 
 /* residual and its derivatives: 40 operations (21 add, 11 mul, 11 neg, 8 call) */
 void synthesis_slider_limits_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

@@ -28,21 +28,7 @@ ADDRESSES = {
 
 conditions = function(
     "conditions", ADDRESSES["conditions"], (0, 14, 0, 0, 0, 15), ('q',),
-    """residual and its derivatives.
-
-    122 operations (25 add, 87 mul, 10 call).
-
-    Parameters
-    ----------
-    q
-        14 entries.
-    out
-        15 entries, made when absent.
-        0 to 0: residual (1 x 1) [1], expressions that vanish.
-        1 to 14: slopes (1 x 14) [1], their derivatives, by the unit of the quantity.
-
-    Returns
-    -------
-    out
-    """,
+    """residual and its derivatives.""", """122 operations (25 add, 87 mul, 10 call).""",
+    """0 to 0: residual (1 x 1) [1], expressions that vanish.""",
+    """1 to 14: slopes (1 x 14) [1], their derivatives, by the unit of the quantity.""",
 )

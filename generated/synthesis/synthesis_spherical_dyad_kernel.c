@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_spherical_dyad_equations[65] = "f171b695ad046de33fe48051eed88fd5f7cfdb72372e623f352c78d9cc546169";
+const char synthesis_spherical_dyad_equations[65] = "ee35fa06c34248983b34e55134275c18fee821d0c9c5a70741f1faaf8c651772";
 
 /* residual and its derivatives: 122 operations (25 add, 87 mul, 10 call) */
 void synthesis_spherical_dyad_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

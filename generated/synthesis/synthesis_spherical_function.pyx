@@ -28,21 +28,7 @@ ADDRESSES = {
 
 conditions = function(
     "conditions", ADDRESSES["conditions"], (0, 8, 0, 0, 0, 9), ('q',),
-    """residual and its derivatives.
-
-    28 operations (10 add, 14 mul, 1 neg, 4 call).
-
-    Parameters
-    ----------
-    q
-        8 entries.
-    out
-        9 entries, made when absent.
-        0 to 0: residual (1 x 1) [1], expressions that vanish.
-        1 to 8: slopes (1 x 8) [1], their derivatives, by the unit of the quantity.
-
-    Returns
-    -------
-    out
-    """,
+    """residual and its derivatives.""", """28 operations (10 add, 14 mul, 1 neg, 4 call).""",
+    """0 to 0: residual (1 x 1) [1], expressions that vanish.""",
+    """1 to 8: slopes (1 x 8) [1], their derivatives, by the unit of the quantity.""",
 )

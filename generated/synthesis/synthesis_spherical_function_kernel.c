@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_spherical_function_equations[65] = "9d1170d64c4de67370596768ceb367d831533f2943a40d9be86cb9fdca1c4258";
+const char synthesis_spherical_function_equations[65] = "e63ab13631d9bc1bde44fa2814d64bd15319a19e427eda3b09a7c9de01edfdf4";
 
 /* residual and its derivatives: 28 operations (10 add, 14 mul, 1 neg, 4 call) */
 void synthesis_spherical_function_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

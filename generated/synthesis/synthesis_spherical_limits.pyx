@@ -28,21 +28,7 @@ ADDRESSES = {
 
 conditions = function(
     "conditions", ADDRESSES["conditions"], (0, 14, 0, 0, 0, 150), ('q',),
-    """residual and its derivatives.
-
-    168 operations (49 add, 89 mul, 18 neg, 30 call).
-
-    Parameters
-    ----------
-    q
-        14 entries.
-    out
-        150 entries, made when absent.
-        0 to 9: residual (10 x 1) [1, 1, 1, 1, 1, 1, rad, 1, 1, rad], expressions that vanish.
-        10 to 149: slopes (10 x 14) [1, 1, 1, 1, 1, 1, rad, 1, 1, rad], their derivatives, by the unit of the quantity.
-
-    Returns
-    -------
-    out
-    """,
+    """residual and its derivatives.""", """168 operations (49 add, 89 mul, 18 neg, 30 call).""",
+    """0 to 9: residual (10 x 1) [1, 1, 1, 1, 1, 1, rad, 1, 1, rad], expressions that vanish.""",
+    """10 to 149: slopes (10 x 14) [1, 1, 1, 1, 1, 1, rad, 1, 1, rad], their derivatives, by the unit of the quantity.""",
 )

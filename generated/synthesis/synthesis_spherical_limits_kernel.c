@@ -8,7 +8,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char synthesis_spherical_limits_equations[65] = "7ec3f883c131a60263fd2d53a2dac4da6b60e9c50eeed56ae119f882848c9e72";
+const char synthesis_spherical_limits_equations[65] = "88594da1d742dc678fdc388379751c94ff2e6bf153f6601128a7f520e93f8819";
 
 /* residual and its derivatives: 168 operations (49 add, 89 mul, 18 neg, 30 call) */
 void synthesis_spherical_limits_conditions(const double *SYMGEN_RESTRICT t, const double *SYMGEN_RESTRICT q, const double *SYMGEN_RESTRICT u, const double *SYMGEN_RESTRICT p, double *SYMGEN_RESTRICT work, double *SYMGEN_RESTRICT out)

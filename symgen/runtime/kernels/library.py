@@ -253,20 +253,22 @@ def callback(function: Callable[..., None], entries: Sequence[int], dtype: Any) 
 
 
 def function(
-    name: str, address: int, sizes: Sequence[int], reads: Sequence[str], document: str
+    name: str, address: int, sizes: Sequence[int], reads: Sequence[str], about: str, counts: str, *blocks: str
 ) -> Callable[..., Array]:
     """Return a kernel as a function of the arrays t, q, u, p, work and out, which returns out.
 
     Parameters
     ----------
-    name, document
-        Those of the function.
+    name
+        Name of the function.
     address
         Address of the kernel in memory.
     sizes
         Least numbers of entries of the arrays.
     reads
         Names of those that must be given; others are made when absent.
+    about, counts, blocks
+        Its description, operations, and blocks of results, for its docstring.
     """
     call = KERNEL(address)
 
@@ -283,7 +285,12 @@ def function(
         call(*(x.ctypes.data for x in arrays))
         return arrays[-1]
 
-    kernel.__name__, kernel.__doc__ = name, document
+    lines = [about, "", counts, "", "Parameters", "----------"]
+    for array, size in zip(_ARRAYS, sizes, strict=True):
+        if size:
+            lines += [array, f"    {size} entries{'' if array in reads else ', made when absent'}."]
+    lines += (f"    {block}" for block in blocks)
+    kernel.__name__, kernel.__doc__ = name, "\n".join([*lines, "", "Returns", "-------", "out"])
     return kernel
 
 
