@@ -12,6 +12,11 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.integrate.redundancy import motions_of, scaled_jacobian
 from symgen.runtime.kernels.evaluate import Evaluator
 
+#: Remedy where drives do not determine the motion.
+MORE_DRIVES = (
+    'Add [[drivers]] with link = "..." and angle = "speed*t", give a massless link a length by t, a ground '
+    "point a motion, or prescribe a place or an angle under [[motions]]."
+)
 #: A spring shorter than this share of the coordinates is at zero length.
 NEAR = 1e-12
 

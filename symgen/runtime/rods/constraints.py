@@ -10,12 +10,6 @@ from symgen.runtime.integrate.redundancy import extent
 from symgen.runtime.kernels.evaluate import Evaluator, part
 from symgen.runtime.rods.poses import Poses
 
-#: Remedy where drives do not determine the motion.
-MORE_DRIVES = (
-    'Add [[drivers]] with link = "..." and angle = "speed*t", give a massless link a length by t, a ground '
-    "point a motion, or prescribe a place or an angle under [[motions]]."
-)
-
 
 class Constraints:
     """Constraints Phi(q, t) = 0 of a model, every row divided by its scale, so that errors are in metres.

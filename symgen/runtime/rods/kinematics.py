@@ -11,6 +11,7 @@ import numpy as np
 
 from symgen.errors import ModelError, OptionsError, SimulationError
 from symgen.runtime.arrays import Array, Indices
+from symgen.runtime.integrate.causes import MORE_DRIVES
 from symgen.runtime.model.instants import Instants
 from symgen.runtime.result.findings import SingularPose
 from symgen.runtime.result.motion import Motion, Range
@@ -18,7 +19,7 @@ from symgen.runtime.result.recording import nearest_turn, references_of
 from symgen.runtime.result.records import converters
 from symgen.runtime.result.state import State
 from symgen.runtime.rods.assemblies import assemblies
-from symgen.runtime.rods.constraints import MORE_DRIVES, Constraints
+from symgen.runtime.rods.constraints import Constraints
 from symgen.runtime.rods.following.branch import along_branch
 from symgen.runtime.rods.following.continuation import LONGEST, Curve, CurvePoint
 from symgen.runtime.rods.following.jumps import check_drives

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from symgen.calls import checked
 from symgen.errors import ModelError, check_known
 from symgen.runtime.arrays import Array
+from symgen.runtime.integrate.causes import MORE_DRIVES
 from symgen.runtime.integrate.pace import uncounted
 from symgen.runtime.kernels.arguments import real
 from symgen.runtime.kernels.description import Description
@@ -22,7 +23,6 @@ from symgen.runtime.kernels.library import Library
 from symgen.runtime.model.arguments import LinkageMotion, takes
 from symgen.runtime.model.model import Model
 from symgen.runtime.result.state import AssemblyModes, State, by_name, coordinates, parts_of, state_at
-from symgen.runtime.rods.constraints import MORE_DRIVES
 from symgen.runtime.rods.start import Start
 
 if TYPE_CHECKING:
