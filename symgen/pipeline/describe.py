@@ -299,6 +299,7 @@ def elastic_info(linkage: Linkage) -> ElasticInfo:
     from symgen.scene.rods.linkage import CarriedPoint
 
     crank, along = linkage.crank, list(loads_along(linkage))
+    states = tuple((s.units[1], s.about) for s in linkage.states)
     if linkage.dimension == 3:
         beams = tuple(
             BeamInfo(
@@ -326,6 +327,7 @@ def elastic_info(linkage: Linkage) -> ElasticInfo:
             outputs=linkage.outputs,
             joints_in_space=joints,
             driven=tuple(d.link for d in linkage.drivers),
+            states=states,
         )
     acting = list(couples(linkage))
     on_sections = [
@@ -361,6 +363,7 @@ def elastic_info(linkage: Linkage) -> ElasticInfo:
         outputs=linkage.outputs,
         shaft_alone=_shaft_alone(linkage),
         work_on_links=_work_on_links(linkage),
+        states=states,
         prescribed=crank is not None and crank.prescribed,
         couples=tuple(names for *_, names in acting),
         rotations=rotations(linkage),

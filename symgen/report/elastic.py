@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
+from symgen.report.analyses import print_modes
 from symgen.report.extremes import Components
 from symgen.report.tables import MODES, events_table, print_notes, table
 from symgen.runtime.result.elastic import ElasticResult
+from symgen.runtime.result.equilibrium import Modes
 from symgen.runtime.result.modes import COARSE, ElasticModes
 from symgen.runtime.result.speed_response import SpeedResponse
 
@@ -21,11 +23,17 @@ _FEW = 6
 _UNDAMPED = 1e-12
 
 
-def print_elastic_modes(poses: Sequence[ElasticModes], model: Any, console: Console) -> None:
+def print_elastic_modes(results: Sequence[ElasticModes | Modes], model: Any, console: Console) -> None:
     """Print the natural frequencies in each pose, exact and with model reduction, in columns.
+
+    Modes about an equilibrium, as with first-order states, are printed as those of rigid links.
 
     Those with errors by elements above 5 % in all poses are omitted, others with such errors are marked.
     """
+    if about := [x for x in results if isinstance(x, Modes)]:
+        print_modes(about, model, console)
+        return
+    poses = [x for x in results if isinstance(x, ElasticModes)]
     moving = any(len(p.growth) for p in poses)
     head, columns = ["mode"], []
     for p in poses:

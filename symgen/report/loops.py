@@ -50,12 +50,15 @@ def print_turn(turn: Turn, _: Any, console: Console) -> None:
     print_notes(turn.notes, console)
 
 
-def print_motion_of_loop(result: Result, _: Any, console: Console) -> None:
-    """Print final joint variables, the range of every output, and the errors of the run."""
-    rows = []
+def print_motion_of_loop(result: Result, model: Any, console: Console) -> None:
+    """Print final joint variables and states, the range of every output, and the errors of the run."""
+    rows, states = list[tuple[Any, ...]](), model.description.states
     for name, v in result.final.items():
         unit, size = result.units.get(v["unit"], (v["unit"], 1.0))
         rows.append((name, unit, v["value"] / size, v["rate"] / size))
+        if (state := name.removesuffix(".integral")) in states:  # the rate of its integral
+            unit, size = result.units.get(states[state], (states[state], 1.0))
+            rows[-1] = state, unit, v["rate"] / size, ""
     t = result.statistics["t"]
     console.print(
         table(f"{result.title}: at t = {t:g} s", ("variable", "unit", "value", "rate [unit/s]"), rows)

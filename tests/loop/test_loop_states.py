@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from functools import cache
+from io import StringIO
 
 import numpy as np
 import pytest
 import sympy as sp
+from rich.console import Console
 from scipy.integrate import solve_ivp
 from shared.floating_crank import INPUTS, PARAMETERS, PLACE, STATE, VALUES, forces, mass_matrix, slider
 from shared.servo_loop import KE, KI, KM, KP, LIMIT, START, TARGET, L, R, servo
 
 import symgen
 from symgen.errors import ModelError, SceneError
+from symgen.methods import table_of
 
 
 @cache
@@ -157,3 +160,13 @@ def test_starts_are_constants_and_driven_loops_have_no_states(model):
         symgen.build("rssr", set={"states": {"x": {"start": 0, "rate": "theta1.rate"}}})
     with pytest.raises(ModelError, match="no state 'j'"):
         model.state({}, states={"j": 1.0})
+
+
+def test_the_table_of_a_run_has_states_by_their_names(model):
+    run, text = model.simulate(0.05, samples=2), StringIO()
+    table_of(model, "simulate")(run, model, Console(file=text, width=100))
+    rows = [line.split() for line in text.getvalue().partition("Recorded")[0].splitlines()]
+    values = {row[0]: row[1:] for row in rows if len(row) > 2}
+    assert "i.integral" not in text.getvalue().partition("Recorded")[0]
+    assert values["i"][0] == "1" and float(values["i"][1]) == pytest.approx(run["i"].values[-1], rel=1e-5)
+    assert values["z"] == ["s", values["z"][1]]

@@ -18,15 +18,20 @@ from symgen.models.rods.linkage import RodsModel
 from symgen.models.rods.matrix import named
 from symgen.models.rods.outputs import OF_THE_WHOLE
 from symgen.scene.elastic.links import ElasticLink
-from symgen.scene.rods.linkage import Linkage, RigidLink
-from symgen.symbolic.calculus import ZERO
-from symgen.symbolic.quantity import AXES
+from symgen.scene.rods.linkage import Linkage, RigidLink, state_symbol
+from symgen.symbolic.calculus import ZERO, partial
+from symgen.symbolic.quantity import AXES, quantity
 from symgen.symbolic.system import Export, NamedMatrix, System
 
 #: Columns of ``sections``: those that the elements of links in space read, then others.
 IN_SPACE = (
     *(q.name for q in (*SECTION, *FIBRES)),
     *(f"width_{axis}" for axis in AXES),
+)
+#: Angle and rate of the shaft of an elastic crank, behind the other numbers in ``work``.
+SHAFT = (
+    quantity("shaft__angle", "rad", "angle of the shaft of the crank"),
+    quantity("shaft__rate", "rad/s", "rate of the shaft of the crank"),
 )
 #: Columns of axes fixed in driven links.
 _FRAME = tuple(f"{vector}_{axis}" for vector in ("axis", "across", "third") for axis in AXES)
@@ -37,7 +42,8 @@ def joints_system(linkage: Linkage) -> System:
 
     Its kernel ``joints`` gives mass, stiffness and damping by the displacements of the joints as lists of
     entries, the ``load`` f - M a of the rigid motion, and the rows of the constraints that elastic links
-    leave, ``jacobian``, with first and second rate along the motion.
+    leave, ``jacobian``, with first and second rate along the motion. First-order states whose rates depend on
+    the shaft of an elastic crank have these from the kernel ``states``, by ``SHAFT``, and none in ``load``.
     """
     model = RodsModel(_without_beams(linkage))
     bound = _bound(model, linkage)
@@ -90,7 +96,13 @@ def joints_system(linkage: Linkage) -> System:
         matrices, exports = [*matrices, *of_drives], [*exports, *more_exports]
     of_thesis = tuple(link.name for link in linkage.links) == THESIS_LINKS
     sources = named_joints(rows) if of_thesis else JOINTS
-    return analysis_of(model, "elastic_joints", matrices, exports, sources=sources)
+    of_states = list(_states(model, linkage))
+    if of_states:
+        exports.append(Export("states", of_states[0].description, tuple(m.name for m in of_states)))
+    behind = SHAFT if of_states else ()
+    return analysis_of(
+        model, "elastic_joints", [*matrices, *of_states], exports, sources=sources, behind=behind
+    )
 
 
 def shaking_system(linkage: Linkage) -> System:
@@ -157,13 +169,38 @@ def _in_space(linkage: Linkage, beam: ElasticLink) -> list[sp.Expr]:
     return [*properties, *section.fibres, beam.modulus, section.is_round, *section.width]
 
 
+def _states(model: RodsModel, linkage: Linkage) -> Iterator[NamedMatrix]:
+    """Yield the rates of states by the shaft of an elastic crank, and their slopes by themselves, if any."""
+    if not (by_shaft := _by_shaft(linkage)):
+        return
+    slopes = {name: partial(rate, state_symbol(f"{name}.state")) for name, rate in by_shaft.items()}
+    for matrix, of, about in (
+        ("state_rates", by_shaft, "rates of first-order states by the shaft of an elastic crank"),
+        ("state_slopes", slopes, "slopes of these rates by their own states"),
+    ):
+        yield named(model, matrix, model.loads.with_state([*of.values()]), "SI", about, rows=[*of])
+
+
+def _by_shaft(linkage: Linkage) -> dict[str, sp.Expr]:
+    """Return the rates of states that depend on the angle or the rate of an elastic crank, by its shaft."""
+    crank = linkage.crank
+    if crank is None or crank.link not in {b.link for b in linkage.elastic}:
+        return {}
+    words = (state_symbol(f"{crank.link}.{word}") for word in ("angle", "rate"))
+    shaft = dict(zip(words, (q.symbol for q in SHAFT), strict=True))
+    return {s.name: s.rate.xreplace(shaft) for s in linkage.states if s.rate.free_symbols & shaft.keys()}
+
+
 def _without_beams(linkage: Linkage) -> Linkage:
-    """Return the linkage with its elastic links massless, and the motor on a crank that is rigid."""
+    """Return the linkage with its elastic links massless, and the motor on a crank that is rigid.
+
+    States by the shaft of an elastic crank have no rates.
+    """
     beams = {b.link for b in linkage.elastic}
     carried = {c.name for b in beams for c in linkage.link(b).carried if not c.joined}
     loads = [x for x in linkage.loads if not any(any(profiles_of(linkage, b, x)) for b in beams)]
     loads = [x for x in (load.off_sections() for load in loads) if x]
-    motor = _motor(linkage)
+    motor, by_shaft = _motor(linkage), _by_shaft(linkage)
     loads += [motor] if motor else []
 
     def left(link: RigidLink) -> RigidLink:
@@ -174,6 +211,7 @@ def _without_beams(linkage: Linkage) -> Linkage:
         links=tuple(left(k) for k in linkage.links),
         masses=tuple(m for m in linkage.masses if m.point not in carried),
         loads=tuple(loads),
+        states=tuple(replace(s, rate=ZERO) if s.name in by_shaft else s for s in linkage.states),
     )
 
 

@@ -13,6 +13,7 @@ Couples by the forces in joints vanish at rest, where C has them by these forces
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import sympy as sp
 
@@ -36,6 +37,7 @@ from symgen.models.rods.system import (
 from symgen.scene.rods.linkage import Linkage
 from symgen.symbolic.calculus import ONE, ZERO, chained, partial
 from symgen.symbolic.names import Names
+from symgen.symbolic.quantity import Quantity
 from symgen.symbolic.system import Definition, Export, NamedMatrix, System
 
 
@@ -186,16 +188,18 @@ def analysis_of(
     exports: Sequence[Export],
     names: Names | None = None,
     sources: Sources = NONE,
+    behind: Sequence[Quantity] = (),
 ) -> System:
     """Return a System of further kernels of a linkage, over the arguments of its equations of motion.
 
-    ``names`` are further intermediates, over those of the model.
+    ``names`` are further intermediates, over those of the model, ``behind`` numbers behind those of ``work``.
     """
+    *others, work = groups(model)
     named_definitions = names.definitions if names else ()
     return System(
         name=f"{model.linkage.name}_{kind}",
         title=f"{model.linkage.title}: {kind}",
-        groups=groups(model),
+        groups=(*others, replace(work, quantities=(*work.quantities, *behind))),
         matrices=tuple(matrices),
         exports=tuple(exports),
         definitions=(*definitions(model), *with_ground(model, named_definitions)),

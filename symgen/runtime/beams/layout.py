@@ -116,10 +116,10 @@ def layout(
     damped
         Forces of modes of the structure: see :class:`BeamLayout`. Those of the links' own modes follow.
     """
-    labels = [f"{p}_{axis}" for p in description.free for axis in description.axes]
-    labels += [f"{name}_theta" for name in info.rotations]
+    labels = [*description.of_coordinates(), *(f"{name}_theta" for name in info.rotations)]
     coordinates, place = len(labels), {label: i for i, label in enumerate(labels)}
-    names, of_links, shaft = unknowns_of(description.free, description.axes, info, beams)
+    free, axes = description.free, description.axes
+    names, of_links, shaft = unknowns_of(free, axes, info, beams, description.integrals)
     block = joints.get("jacobian")
     constraints = block.shape[0] if block else 0
     n = len(names)
@@ -182,14 +182,19 @@ def _forces(beams: Sequence[Beam], coordinates: int, of_structure: Array | None)
 
 
 def unknowns_of(
-    free: Sequence[str], axes: Sequence[str], info: ElasticInfo, beams: Sequence[Beam]
+    free: Sequence[str],
+    axes: Sequence[str],
+    info: ElasticInfo,
+    beams: Sequence[Beam],
+    integrals: Sequence[str] = (),
 ) -> tuple[list[str], list[list[int]], int]:
     """Return the names of the unknowns, the indices of those of each link, and the index of the shaft.
 
-    Unknowns of the joints come first. The index is -1 for a held unknown or shaft.
+    Unknowns of the joints come first, ``integrals`` of states among them. The index is -1 for a held unknown
+    or shaft.
     """
     joint = {p: 2 * i for i, p in enumerate(free)}
-    names = [f"{p}.{axis}" for p in free for axis in axes]
+    names = [*(f"{p}.{axis}" for p in free for axis in axes), *integrals]
     names += [f"{name}.theta" for name in info.rotations]
     of_links: list[list[int]] = []
     shaft = -1

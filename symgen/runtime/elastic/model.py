@@ -15,6 +15,7 @@ from symgen.calls import checked
 from symgen.errors import ModelError, OptionsError, check_known, nearest
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.methods import BEAM_METHODS
+from symgen.runtime.elastic.path import PRESCRIBED
 from symgen.runtime.integrate.checkpoint import CheckpointOptions
 from symgen.runtime.integrate.integrators import INTEGRATORS
 from symgen.runtime.integrate.options import initial_state, sample_count
@@ -50,6 +51,10 @@ FORMS = ("exact", "thesis")
 _RTOL = 1e-4
 #: Elements of a link in large rotation, where none are given.
 _ELEMENTS = 4
+
+
+#: Analyses by linear theory alone.
+_LINEAR = ("periodic", "quasi_static", "speed_response", "sensitivity")
 
 
 #: Returns the linkage with rigid links, its crank turned by its motor.
@@ -127,7 +132,7 @@ class ElasticModel(ModelOfRigid):
     @property
     def unknowns(self) -> int:
         """Number of unknowns of the elastic motion, those that constraints leave."""
-        return self.layout.unknowns - self.layout.constraints
+        return self.layout.unknowns - self.layout.constraints - len(self.description.states)
 
     @property
     def layout(self) -> BeamLayout:
@@ -171,6 +176,8 @@ class ElasticModel(ModelOfRigid):
             return carrier._refused(name)
         if name == "equilibrium" and self._never_rests:
             return self._never_rests
+        if name in _LINEAR and self.description.states:
+            return PRESCRIBED
         return super()._refused(name)
 
     @cached_property
@@ -190,6 +197,10 @@ class ElasticModel(ModelOfRigid):
             if moving:
                 raise ModelError("modes about an equilibrium are at rest: leave moving out")
             return analyse(self.rigid.evaluator, at)
+        if self.description.states:
+            if moving or at is not None:
+                raise ModelError(f"{self.name}: {PRESCRIBED}")
+            return analyse(self.rigid.evaluator, self._equilibrium())
         motion = self.motion(True)
         angle = motion.angle if at is None else real(at, "the direction of the crank")
         return modes_with_errors(motion, motion.time_at(angle), moving)
@@ -206,7 +217,7 @@ class ElasticModel(ModelOfRigid):
             t = real(at, "the time")
         else:
             t = motion.time_at(motion.angle if at is None else real(at, "the angle of the crank"))
-        if elements is None and not motion.undetermined:
+        if elements is None and not (motion.undetermined or self.description.states):
             return assembled_at(motion, t)
         from symgen.runtime.elastic.large.matrices import large_matrices
 
@@ -296,7 +307,8 @@ class ElasticModel(ModelOfRigid):
                 hint = f"It is model.{verbs[method]}(), on the command line 'symgen {command} {self.name}'."
             raise ModelError(f"there is no method {method!r} of integration. {hint}")
         initial = initial_state(request.initial)
-        if self.motion(True).undetermined and (large := request.in_large_rotation):
+        states = self.description.states
+        if (states or self.motion(True).undetermined) and (large := request.in_large_rotation):
             return self._large_rotation(large)
         if t_end is not None:
             if revolutions is not None:

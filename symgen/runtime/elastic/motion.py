@@ -18,7 +18,7 @@ from symgen.runtime.beams.data import Lump, Profile
 from symgen.runtime.beams.frames import frames
 from symgen.runtime.beams.layout import BeamLayout, layout
 from symgen.runtime.beams.links import Beam
-from symgen.runtime.elastic.path import MotorDrivenLinkage, RigidMotionTable
+from symgen.runtime.elastic.path import PRESCRIBED, MotorDrivenLinkage, RigidMotionTable
 from symgen.runtime.kernels.description import KernelInfo
 from symgen.runtime.rods.model.rods import RodModel
 
@@ -326,7 +326,7 @@ class ElasticMotion(ABC):
         d = self.rigid.description
         q, still = self._start[: d.coordinates], np.zeros(d.coordinates)
         matrix = self.rigid.evaluator.blocks("constraint_jacobian", 0.0, q, still)["constraint_jacobian"]
-        jacobian = matrix.reshape(-1, d.coordinates)
+        jacobian = matrix.reshape(-1, d.coordinates)[:, : d.of_points]
         jacobian = jacobian / np.linalg.norm(jacobian, axis=1)[:, None]
         values, right = np.linalg.svd(jacobian)[1:]
         free = right[np.count_nonzero(values > _RANK * values.max(initial=0.0)) :]
@@ -334,13 +334,15 @@ class ElasticMotion(ABC):
         return tuple(p for p, size in zip(d.free, moves, strict=True) if size > _RANK)
 
     def check_determined(self) -> None:
-        """Check that the crank and the drivers determine the rigid motion of every point.
+        """Check that the crank and the drivers determine the rigid motion of every point, without states.
 
         Raises
         ------
         ModelError
             Naming the points that they leave free.
         """
+        if self.rigid.description.states:
+            raise ModelError(f"{self.rigid.name}: {PRESCRIBED}")
         if self.undetermined:
             raise ModelError(
                 f"{self.rigid.name}: the crank, {self.info.crank}, does not determine the rigid motion of "
@@ -392,8 +394,6 @@ class ElasticMotion(ABC):
         while high - low > _LOCKED * t:
             motion = self.equations().motion
             middle = (low + high) / 2
-            if motion.evaluate(middle)[0] == _core.DONE:
-                low = middle
-            else:
-                high = middle
+            reached = motion.evaluate(middle)[0] == _core.DONE
+            low, high = (middle, high) if reached else (low, middle)
         return low

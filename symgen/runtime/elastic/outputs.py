@@ -18,6 +18,7 @@ from symgen.runtime.arrays import Array, Indices
 from symgen.runtime.beams.forces import RunMotion, crank_rotation
 from symgen.runtime.beams.links import Beam
 from symgen.runtime.elastic.motion import ElasticMotion
+from symgen.runtime.kernels.description import Description
 from symgen.runtime.result.modes import ElasticModes
 from symgen.runtime.result.records import Coordinate, Variable, over_time
 
@@ -70,6 +71,15 @@ def outputs(motion: ElasticMotion, links: Array, displacements: Array) -> list[V
         variables.append(Variable(f"{info.link}.arc_length_change", "m", about, (), apart + shortened))
         variables += _at_joints(beam, values)
     return variables
+
+
+def of_states(d: Description, v: Array, a: Array) -> Iterator[Variable]:
+    """Yield first-order states and their rates, by rates and second rates of all unknowns."""
+    of_rates = d.elastic.states if d.elastic else ()
+    for k, ((name, unit), (of_rate, about)) in enumerate(zip(d.states.items(), of_rates, strict=True)):
+        at = d.of_points + k
+        yield Variable(name, unit, about, (), v[:, at])
+        yield Variable(f"{name}.rate", of_rate, f"rate of {about}", (), a[:, at])
 
 
 def _at_joints(beam: Beam, local: Array) -> Iterator[Variable]:

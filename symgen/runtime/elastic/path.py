@@ -18,6 +18,12 @@ from symgen.runtime.integrate.simulate import drive
 from symgen.runtime.result.recording import wound
 from symgen.runtime.rods.model.rods import RodModel
 
+#: Reason why scenes with first-order states have no linear theory.
+PRESCRIBED = (
+    "linear theory prescribes the rigid motion, to which [states] feed back\n"
+    "  Compute the motion in large rotation: model.large_rotation(t_end=...), model.equilibrium(), "
+    "model.modes(). On the command line: symgen large-rotation, equilibrium, modes."
+)
 #: Angle of the crank between rows of a path [rad].
 _SPACING = 0.01
 #: Tolerance of the integration.
@@ -161,11 +167,24 @@ class MotorDrivenLinkage:
         SimulationError
             When the linkage cannot be followed.
         """
-        evaluator = self._model.evaluator
-        n, equations = len(self._q), self._equations
-        speed = abs(self._speed) * max(1.0, abs(ratio))
+        n, speed = len(self._q), abs(self._speed) * max(1.0, abs(ratio))
         count = max(16, math.ceil(end * speed / _SPACING)) + 1
         times = np.linspace(0.0, end, count)
+        states, references = self._followed(times, ratio)
+        accelerations = self._solutions(times, states, references)[:, :n]
+        rows = np.ascontiguousarray(np.hstack([states, accelerations]))
+        return RigidMotionTable(rows, references, end / (count - 1), self._absent, *self._turned(states))
+
+    def coordinates(self, times: Array) -> Array:
+        """Return the coordinates at equally spaced times from zero on [s], (times, coordinates)."""
+        if not times[-1]:
+            return self._q[None]
+        return self._followed(times)[0][:, : len(self._q)]
+
+    def _followed(self, times: Array, ratio: float = 1.0) -> tuple[Array, Array]:
+        """Return states (times, 2 coordinates) from the start on, and references of angles in loads."""
+        evaluator, n, equations = self._model.evaluator, len(self._q), self._equations
+        end, count = float(times[-1]), len(times)
         chosen = options(end, "dop853", _RTOL, None, None, count, 1_000_000)
         y0 = np.concatenate([self._q, ratio * self._u, np.zeros(equations.dim - 2 * n)])
         stepper = _core.Run(
@@ -176,10 +195,7 @@ class MotorDrivenLinkage:
         if status != _core.DONE:
             message = problem(status, stepper, equations, evaluator, chosen)
             raise SimulationError(f"{message}\n  This is the rigid linkage with its motor.", time=stepper.t)
-        states, references = np.ascontiguousarray(stepper.result[:, : 2 * n]), stepper.references
-        accelerations = self._solutions(times, states, references)[:, :n]
-        rows = np.ascontiguousarray(np.hstack([states, accelerations]))
-        return RigidMotionTable(rows, references, end / (count - 1), self._absent, *self._turned(states))
+        return np.ascontiguousarray(stepper.result[:, : 2 * n]), stepper.references
 
     def _solutions(self, times: Array, states: Array, references: Array) -> Array:
         """Return accelerations and multipliers at times, a row each."""

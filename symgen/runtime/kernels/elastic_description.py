@@ -125,6 +125,7 @@ class ElasticInfo:
     ``joints_in_space`` are those that restrict rotations, in the order of the kernel ``axes``.
     ``driven`` are the links in space that drives rotate, in the order of the kernel ``driven``.
     ``shaft_alone``: nothing but the shaft of the crank and damping of the links does work over a revolution.
+    ``states`` has the unit of the rate and the meaning of each first-order state.
     ``work_on_links``: forces without potential act on elastic links and on an elastic or held crank alone.
     """
 
@@ -138,6 +139,7 @@ class ElasticInfo:
     outputs: tuple[str, ...] | None = None
     shaft_alone: bool = False
     work_on_links: bool = False
+    states: tuple[tuple[str, str], ...] = ()
     damps_all: bool = False
     prescribed: bool = False
     couples: tuple[tuple[str, ...], ...] = ()

@@ -91,7 +91,7 @@ def _damped(stiffness: Array, damping: Array) -> tuple[NDArray[Any], NDArray[Any
         inverses, rates = _slow(*scaled, free)
         order = np.argsort(-np.abs(inverses), kind="stable")[: slow - still]
         values[places], vectors[:, places] = unit / inverses[order], rates[:, order]
-        error[places] = np.abs(values[places]) ** 2 / unit
+        error[places] = np.abs(values[places]) ** 2 / min(unit, np.min(np.abs(values[places])))
     values[:still] = 0.0
     values = np.where(np.abs(values.imag) <= np.sqrt(SMALL) * np.abs(values), values.real, values)
     steady = (values.imag != 0.0) & (np.abs(values.real) <= 1e-13 * error)

@@ -138,9 +138,9 @@ def _motor(read: Reader, table: Table) -> tuple[sp.Expr, sp.Expr]:
         raise SceneError(
             "a motor needs its torque",
             where="crank.torque",
-            hint='Write torque = "2 N*m", or an expression that uses t, this.angle and this.rate.',
+            hint='Write torque = "2 N*m", or an expression of t, this.angle, this.rate and [states].',
         )
-    names = dict(read.with_time)
+    names = {**read.with_time, **read.states}
     for word, value, dim in (
         ("angle", "angle", units.NUMBER),
         ("rate", "angular_velocity", units.ANGULAR_RATE),

@@ -77,7 +77,7 @@ class CrankTable(Table):
     speed: Value | None = absent("Constant; absent if the angle depends on the time.")
     angle: Value | None = absent("Its direction at t = 0, or at the time t; as drawn at t = 0 if absent.")
     torque: Value | None = absent(
-        "Of the motor. May use the time t, and the crank's this.angle and this.rate."
+        "Of the motor. May use the time t, states, and the crank's this.angle and this.rate."
     )
     flywheel: Value | None = absent("Moment of inertia on its shaft.")
 

@@ -131,21 +131,9 @@ def check_efforts(linkage: Linkage) -> None:
 
 
 def states(read: Reader) -> Iterator[FirstOrder]:
-    """Yield the states of the scene; none for kinematics, which has no loads either.
-
-    Raises
-    ------
-    SceneError
-        For a scene with elastic links.
-    """
+    """Yield the states of the scene; none for kinematics, which has no loads either."""
     scene = read.scene
     for name in scene.states if scene.analysis.kind == "dynamics" else ():
-        if any(link.elastic is not None for link in scene.links.values()):
-            raise SceneError(
-                "states are for linkages with rigid links, and loops of joints",
-                where=f"states.{name}",
-                hint="Run the linkage with rigid links, or give the load as a function of the motion.",
-            )
         yield first_order(read, name, read.with_state())
 
 

@@ -318,11 +318,7 @@ def test_wrong_states_are_named(states, text):
         symgen.build(filtered(), set={"states": states, "forces": [], "analysis.outputs": ["P.position"]})
 
 
-def test_states_of_other_scenes_are_refused():
-    state = {"v": {"start": 0, "rate": "t/T^2"}}
-    parameters = {"parameters.T": "1 s"}
-    with pytest.raises(SceneError, match="states are for linkages with rigid links"):
-        symgen.build("thesis_four_bar", set={"states": state, **parameters})
+def test_states_are_refused_outside_loads():
     with pytest.raises(SceneError, match="v is a state, and states may occur in forces and torques alone"):
         symgen.build(filtered(), set={"masses.0.mass": "v*k"})
 

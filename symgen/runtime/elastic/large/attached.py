@@ -128,7 +128,7 @@ class Posed:
     """Calls of kernels with the links of sections in the direction of these."""
 
     def __init__(self, motion: ElasticMotion, sections: Sequence[LinkSection]) -> None:
-        self._free = motion.rigid.description.free
+        self._free, self._coordinates = motion.rigid.description.free, motion.rigid.description.coordinates
         moves = next(self._choices(sections, ()), None)
         if moves is None:
             raise ModelError(
@@ -152,12 +152,12 @@ class Posed:
                     yield from self._choices(others, (*moves, (section, point)))
 
     def __call__(self, ground: Callable[[str], Array], q: Array, v: Array) -> tuple[Array, Array, Array]:
-        """Return coordinates and rates of free points (times, coordinates), ends of links moved.
+        """Return coordinates and rates of the rigid linkage (times, coordinates), ends of links moved.
 
         The third result are second rates of moved ends where links rotate at a constant rate. ``ground``
         gives the places of a point of the ground, (times, 2).
         """
-        n = 2 * len(self._free)
+        n = self._coordinates
         places, rates, second = q[:, :n].copy(), v[:, :n].copy(), np.zeros((len(q), n))
         for section, point in self.moves:
             backwards = point == section.start

@@ -24,13 +24,14 @@ from symgen.runtime.elastic.large.attached import LinkSection, Posed, bodies_on,
 from symgen.runtime.elastic.large.collocation import MotionState
 from symgen.runtime.elastic.large.counted import Counted
 from symgen.runtime.elastic.large.links import BLOCK
+from symgen.runtime.elastic.large.states import StatesByShaft
 from symgen.runtime.elastic.large.statics import RestingSystem
 from symgen.runtime.elastic.large.supports import (
     Supports,
     divided,
     gravity_of,
+    posed_shaft,
     rotation_of,
-    section_of,
     welds_to_bodies,
 )
 from symgen.runtime.elastic.motion import ElasticMotion
@@ -78,13 +79,11 @@ class LargeLinkage(RestingSystem):
             if name in acted
         ]
         crank = next((k for k in self.links if k.beam.info.link == motion.info.crank), None)
-        self._motor: Posed | None = None
-        if motion.info.mode == "motor" and crank:
-            shaft = section_of(self.links, motion.info.crank, crank.beam.info.start)
-            self._motor = Posed(motion, [shaft])
+        self._motor = posed_shaft(motion, crank) if motion.info.mode == "motor" and crank else None
+        self._by_shaft = StatesByShaft.of(motion, crank)
         self._counted, self._of_motor = Counted(self._rigid), Counted(self._rigid)
         of_joints = {b.name: b for b in self._joints.info("joints").blocks}
-        place = {f"{p}_{axis}": 2 * k + i for k, p in enumerate(d.free) for i, axis in enumerate(d.axes)}
+        place = {name: k for k, name in enumerate(d.of_coordinates())}
         place |= {f"{name}_theta": section.place for name, section in self._sections.items()}
         self._entries = [
             np.reshape(entries_of(of_joints, name, place), (-1, 2)).astype(np.intp) for name in _SLOPES
@@ -92,8 +91,7 @@ class LargeLinkage(RestingSystem):
         (q, u), rows = np.split(motion._start, 2), [d.constraints.index(name) for name in self._names]
         blocks = self._rigid.blocks("constraints", 0.0, q, np.zeros_like(q)) if rows else {}
         self.rows, self.sizes = rows, blocks["constraint_scale"][rows] if rows else np.zeros(0)
-        crank_is_held = crank and motion.info.mode == "held"
-        self._shaft = int(crank.places[0, 2]) if crank and crank_is_held else None
+        self._shaft = int(crank.places[0, 2]) if crank and motion.info.mode == "held" else None
         self._start = self._straight(size, q, u)
         self._supports = Supports(motion, self.links, pins, self._shaft, self._start[0])
         numbers = [motion.constraints.index(name) for name in self._names]
@@ -121,12 +119,14 @@ class LargeLinkage(RestingSystem):
                 np.append(self._supports.rows[row, column], np.full(supported, -1.0)),
             )
         )
-        if self.loaded:
+        if self.loaded or self._by_shaft:
             parts.append(Added(self._added, self._diagonal, self._diagonal_places(), lambda: self._power))
         scale = np.full(size, max(link.beam.properties.length for link in self.links))
         rotations = np.concatenate([link.places[:, 2] for link in self.links])
-        scale[rotations] = 1.0
-        self.translations = np.delete(np.arange(size), rotations)
+        self.states = np.arange(d.of_points, d.coordinates)
+        scale[rotations] = scale[self.states] = 1.0
+        self._rotations = np.unique(rotations)
+        self.translations = np.delete(np.arange(size), [*rotations, *self.states])
         multipliers, known = len(rows) + welded + supported, supported + 2 * self._known
         super().__init__(motion.rigid.name, parts, scale, multipliers, known)
 
@@ -134,7 +134,7 @@ class LargeLinkage(RestingSystem):
     def names(self) -> tuple[str, ...]:
         """Names of the unknowns: ``A.x`` of a free point, ``crank.theta@1`` of the first node of a link."""
         d = self.motion.rigid.description
-        found = {k: f"{p}.{axis}" for k, (p, axis) in enumerate(product(d.free, d.axes))}
+        found = dict(enumerate([*(f"{p}.{axis}" for p, axis in product(d.free, d.axes)), *d.integrals]))
         for link in self.links:
             for node, places in enumerate(link.places.tolist()):
                 for place, axis in zip(places, ("x", "y", "theta"), strict=True):
@@ -208,17 +208,21 @@ class LargeLinkage(RestingSystem):
                 counted.references = memory[str(k)]
         self.recall(math.inf)
 
-    def posed(self, t: float, q: Array) -> MotionState:
-        """Return straight links at rest in a pose of the rigid links, by its coordinates, at a time [s]."""
+    def posed(self, t: float, q: Array, u: Array) -> MotionState:
+        """Return straight links at rest in a pose of the rigid links at a time [s].
+
+        ``q`` are its coordinates, ``u`` the rates, of which first-order states are those of the result.
+        """
         places = self._straight(self.unknowns, q, np.zeros_like(q), t)[0]
-        rotations, none = np.delete(np.arange(self.unknowns), self.translations), np.zeros(self.unknowns)
+        rotations, (none, rates) = self._rotations, np.zeros((2, self.unknowns))
+        rates[self.states] = u[self.states]
         # Welded links turn alike from the start on, also by half a revolution.
         turned = (places[rotations] - self._start[0, rotations]) / math.tau
         places[rotations] -= math.tau * np.ceil(turned - 0.5 - _HALF)
         if self._shaft is not None:
             turned = (self.motion.angle_at(np.array(t)) - places[self._shaft]) / math.tau
             places[rotations] += math.tau * np.round(turned)
-        return MotionState(t, places, none, none, np.zeros(self.multipliers))
+        return MotionState(t, places, rates, none, np.zeros(self.multipliers))
 
     def _straight(self, size: int, q: Array, u: Array, t: float = 0.0) -> Array:
         """Return positions and rates of straight links that are as rigid links at a time, (2, unknowns)."""
@@ -275,6 +279,8 @@ class LargeLinkage(RestingSystem):
         self._power = -np.sum(forces * v, axis=1)
         if self._motor:
             forces[:, place] += terms[:, 0] * a[:, place]
+        if self._by_shaft:
+            forces[:, self._by_shaft.places] -= self._by_shaft.rates(self._counted, t, q, v)[0]
         return forces
 
     def _add_along(self, forces: Array, t: Array, q: Array, v: Array) -> None:
@@ -300,11 +306,16 @@ class LargeLinkage(RestingSystem):
         return self._rigid.many_blocks("points", t, y, np.zeros_like(y))["positions"][:, number]
 
     def _diagonal(self, t: Array, q: Array, v: Array) -> Array:
-        """Return mass, damping and stiffness of a motor, (3, places).
+        """Return mass, damping and stiffness of a motor, and of states by its shaft, (3, places).
 
         Slopes of forces along links, and of couples by the lines between the ends of links, are omitted.
         """
-        return self._shaft_terms(self._motor, t, q, v)[:, :3].T if self._motor else np.zeros((3, 0))
+        slopes = [np.zeros((0, 3))]
+        if self._motor:
+            slopes.append(self._shaft_terms(self._motor, t, q, v)[:, :3])
+        if self._by_shaft:
+            slopes.append(np.outer(self._by_shaft.rates(self._counted, t, q, v)[1, 0], [0.0, -1.0, 0.0]))
+        return np.concatenate(slopes).T
 
     def matrices(self, at: MotionState, rates: bool = True) -> tuple[Any, Any, Any]:
         """Return M, C and K with the Jacobian around each, with all slopes of forces on links.
@@ -312,7 +323,7 @@ class LargeLinkage(RestingSystem):
         Slopes by places and rates are differences of the fourth order.
         """
         mass, damping, stiffness = super().matrices(at)
-        if not self.loaded:
+        if not (self.loaded or self._by_shaft):
             return mass, damping, stiffness
         if rates:
             damping = damping + self._differences(at, 1)
@@ -333,7 +344,9 @@ class LargeLinkage(RestingSystem):
         of_steps = joints[name].ravel()[of_couples] if len(known) else np.zeros(0)
         rows, columns = [places, row], [places, column]
         slopes = [-self._diagonal(t, q, v)[2 - by], -of_steps]
-        acting = [np.arange(self._points), sections, places, *(x.places.ravel() for x, _, _ in self._along)]
+        shaft = self._by_shaft.shaft if self._by_shaft else places
+        acting = [np.arange(self._points), sections, places, shaft]
+        acting += [x.places.ravel() for x, _, _ in self._along]
         by_unknowns = np.unique(np.concatenate(acting)).astype(np.intp)
         for some in np.array_split(by_unknowns, 1 + len(by_unknowns) // _TOGETHER):
             count, change = len(some), _CHANGE * self.scale[some]
@@ -351,8 +364,9 @@ class LargeLinkage(RestingSystem):
         return csc_array(entries, shape=(size, size))
 
     def _diagonal_places(self) -> Indices:
-        """Return the unknown of the shaft of a motor, with entries on the diagonal."""
-        return np.array([self._motor.moves[0][0].place] if self._motor else [], dtype=np.intp)
+        """Return the unknowns of the shaft of a motor and of states by it, with entries on the diagonal."""
+        motor = [self._motor.moves[0][0].place] if self._motor else []
+        return np.array([*motor, *(self._by_shaft.places if self._by_shaft else ())], dtype=np.intp)
 
     def energies(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """Return kinetic, strain and potential energy [J] and the power of damping [W], (4, times)."""

@@ -35,6 +35,8 @@ from symgen.runtime.rods.model.rods import RodModel
 RTOL = 2e-3
 #: Peak strain below which a link counts as unstrained: round-off of its places.
 _UNSTRAINED = 1e-10
+#: Peak of a first-order state below which it is round-off.
+_SMALL = 1e-100
 #: The most steps of a reported run that ``rtol`` adds.
 _MOST = 20_000
 
@@ -86,9 +88,12 @@ class LargeMotion:
         """Return the difference of stresses of two runs over their peak at a station, the largest of all.
 
         Lower peaks of strains count as 1e-10: the strains of a link that nothing strains are round-off, which
-        no steps or elements reduce.
+        no steps or elements reduce. First-order states count as stresses do.
         """
-        return mesh_error(coarse, fine, _UNSTRAINED * self.modulus)
+        pairs = zip(coarse, fine, strict=True)
+        states = [(a.values, b.values) for a, b in pairs if b.name in self.rigid.description.states]
+        apart = (float(np.max(np.abs(a - b)) / max(np.max(np.abs(b)), _SMALL)) for a, b in states)
+        return max(mesh_error(coarse, fine, _UNSTRAINED * self.modulus), *apart, 0.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,14 @@ from symgen.runtime.elastic.large.passes import LargeMotion, refined_run
 from symgen.runtime.elastic.large.shaking import in_large_rotation
 from symgen.runtime.elastic.large.statics import described, resting
 from symgen.runtime.elastic.motion import ElasticMotion
-from symgen.runtime.elastic.outputs import bow, coordinate_of, displacement, length_change, strains
+from symgen.runtime.elastic.outputs import (
+    bow,
+    coordinate_of,
+    displacement,
+    length_change,
+    of_states,
+    strains,
+)
 from symgen.runtime.elastic.run import outputs_of_runs
 from symgen.runtime.elastic.steps import check_revolutions, turn
 from symgen.runtime.integrate.pace import unlimited
@@ -90,7 +97,7 @@ def equilibrium(motion: ElasticMotion, rigid: RodModel, elements: int, t: float,
     """
     linkage = LargeLinkage(motion, counted(elements))
     pose = rigid.equilibrium(at=t, stable=stable).state
-    start = linkage.posed(t, pose.q)
+    start = linkage.posed(t, pose.q, pose.u)
     linkage.start()
     linkage.follow(t, start.q, start.v)
     at, of = resting(linkage, t, stable, start)
@@ -140,7 +147,9 @@ def least_steps(motion: ElasticMotion, end: float) -> float:
 
 
 def _free(motion: ElasticMotion) -> Iterator[str]:
-    """Yield a note on free coordinates, for which linear theory has no rigid motion."""
+    """Yield notes on free coordinates and states, for which linear theory has no rigid motion."""
+    if motion.rigid.description.states:
+        yield "[states] feed back to the motion: rigid and elastic coordinates are integrated with them"
     if motion.undetermined:
         yield (
             f"the crank, {motion.info.crank}, does not determine the rigid motion of "
@@ -179,7 +188,7 @@ def outputs(
         variables += [joint_force(name, point, force) for point, force in link.forces(q, v, a).items()]
     for name, k, at, _ in motion.stations:
         variables.append(bow(name, linkage.links[k].beam, at, linkage.links[k].deflection(q, at)))
-    variables += in_large_rotation(linkage, motion.rigid, moments)
+    variables += [*of_states(d, v, a), *in_large_rotation(linkage, motion.rigid, moments)]
     if (of_shaft := linkage.torque(times, q, v, a, multipliers)) is not None:
         variables.append(torque(motion.info.crank, of_shaft))
     kinetic, strain, potential, dissipated = linkage.energies(times, q, v, a)
@@ -198,7 +207,10 @@ def _stretching(motion: ElasticMotion) -> Iterator[str]:
 def _rigid_places(motion: ElasticMotion, times: Array) -> dict[str, Array]:
     """Return the positions of the free points in the rigid motion, (times, 2) each."""
     d = motion.rigid.description
-    if motion.undetermined:
+    if d.states and motion.info.mode in ("motor", "free"):
+        q = motion.machine.coordinates(times)
+        return {p: q[:, 2 * k : 2 * k + 2] for k, p in enumerate(d.free)}
+    if motion.undetermined or d.states:
         if not times[-1]:
             start = motion.rigid.initial_state().positions
             return {p: np.array([start[p]]) for p in d.free}

@@ -59,6 +59,8 @@ class RestingSystem(ConstrainedSystem):
         The linkage with all links rigid.
     translations
         Unknowns that are positions.
+    states
+        Unknowns that are integrals of first-order states. At rest the states, their rates, are not zero.
     rows, sizes
         Numbers of its constraints among those of the linkage with rigid links, which come first, and their
         scales.
@@ -69,6 +71,7 @@ class RestingSystem(ConstrainedSystem):
 
     rigid: RodModel
     translations: Indices
+    states: Indices
     rows: list[int]
     sizes: Array
     shift: float
@@ -104,7 +107,8 @@ def resting(
     """Return an equilibrium at a time [s] and the equations about it.
 
     Where loads bend the start to an unstable shape, a ``stable`` one is looked for with a force along its
-    lowest mode in addition, a hundredth of the loads, which is removed in the end.
+    lowest mode in addition, a hundredth of the loads, which is removed in the end. With first-order states
+    an equilibrium is unstable by its controllers, and ``stable`` has no effect.
 
     Raises
     ------
@@ -115,7 +119,8 @@ def resting(
 
     at = equilibrium(system, t, start=start)
     of = linearised(system, at)
-    if stable and np.any(eigenvalues(of.mass, of.stiffness, of.damping)[0].real > 0.0):
+    leads = stable and not len(system.states)
+    if leads and np.any(eigenvalues(of.mass, of.stiffness, of.damping)[0].real > 0.0):
         begin = start or system.start()
         loads = unbalanced(system, replace(at, q=begin.q, multipliers=0 * at.multipliers))
         symmetric = (of.stiffness + of.stiffness.T) / 2
@@ -140,11 +145,13 @@ def equilibrium(
         Where corrections do not converge, as for a linkage that its loads move.
     """
     moment = start or system.start()
-    still = np.zeros(system.unknowns)
+    rates, still = np.zeros(system.unknowns), np.zeros(system.unknowns)
+    rates[system.states] = moment.v[system.states]
     end = system.rigid.description.t_end
     times = [t] if start else np.linspace(0.0, t, 2 + int(_POSES * abs(t / end))).tolist()
     for time in times:
-        moment = at_rest(system, replace(moment, t=time, v=still, a=still), push)
+        moment = at_rest(system, replace(moment, t=time, v=rates, a=still), push)
+        rates = moment.v
     return moment if push is None else at_rest(system, moment)
 
 
@@ -176,10 +183,11 @@ def at_rest(system: RestingSystem, moment: MotionState, push: Array | None = Non
         # A linkage that its loads move may find its pose at once.
         found = _corrected(system, moment, pushed, _AWAY) or _settled(system, moment)
         if found is None:
+            integrals = "\n  An integral rests only where its rate is zero." if len(system.states) else ""
             raise ModelError(
                 f"{system.name}: no equilibrium with the input held at t = {moment.t:g} s, or none to which "
                 f"loads bend the drawing: they were increased to {reached:.3g} of their size\n"
-                "  Loads must not move a linkage whose input is held."
+                f"  Loads must not move a linkage whose input is held.{integrals}"
             )
         now = found
     return now
@@ -194,13 +202,12 @@ def _settled(system: RestingSystem, at: MotionState) -> MotionState | None:
     damping = 1.0
     for _ in range(_SETTLING):
         step = held(system, at, damping)(-unbalanced(system, at))
-        moved = float(np.max(np.abs(step[: system.unknowns]) / system.scale))
+        moves = np.abs(step[: system.unknowns]) / system.scale
+        moved = float(np.max(np.delete(moves, system.states)))
         if not moved <= _LARGEST:
             damping *= 8.0
             continue
-        at = replace(
-            at, q=at.q + step[: system.unknowns], multipliers=at.multipliers + step[system.unknowns :]
-        )
+        at = _placed(system, at, _found(system, at) + step)
         system.follow(at.t, at.q, at.v)
         if damping <= system.shift and moved <= _ALMOST:
             return _corrected(system, at, np.zeros(len(step)), _AWAY)
@@ -216,21 +223,35 @@ def unbalanced(system: RestingSystem, at: MotionState) -> Array:
 
 def _corrected(system: RestingSystem, at: MotionState, left: Array, largest: float) -> MotionState | None:
     """Return a motion with these unbalanced forces and errors by Newton's method, or None if it fails."""
-    n, begin = system.unknowns, np.concatenate([at.q, at.multipliers])
-    size = np.concatenate(
-        [system.scale, np.full(len(at.multipliers), np.inf)]
-    )  # multipliers follow from places
+    begin = _found(system, at)
+    size = np.concatenate([system.scale, np.full(len(at.multipliers), np.inf)])
+    of_states = np.isin(np.arange(len(size)), system.states)
 
-    def placed(x: Array) -> MotionState:
-        return replace(at, q=x[:n], multipliers=x[n:])
+    def sizes(x: Array) -> Array:
+        return np.where(of_states, np.maximum(1.0, np.abs(x)), size)  # multipliers follow from places
 
     def change(x: Array, _: Array) -> Array | None:
-        now = placed(x)
+        now = _placed(system, at, x)
         step = held(system, now)(left - unbalanced(system, now))
-        return step if x is not begin or np.max(np.abs(step) / size) <= largest else None
+        moved = np.where(of_states, 0.0, np.abs(step) / size)
+        return step if x is not begin or np.max(moved) <= largest else None
 
-    x = corrected(begin, change, lambda _: size, _ITERATIONS, close=_CLOSE, rounded=_ROUNDED, far=_AWAY)
-    return None if x is None else placed(x)
+    x = corrected(begin, change, sizes, _ITERATIONS, close=_CLOSE, rounded=_ROUNDED, far=_AWAY)
+    return None if x is None else _placed(system, at, x)
+
+
+def _found(system: RestingSystem, at: MotionState) -> Array:
+    """Return the unknowns of equilibrium: places, states in the place of their integrals, multipliers."""
+    x = np.concatenate([at.q, at.multipliers])
+    x[system.states] = at.v[system.states]
+    return x
+
+
+def _placed(system: RestingSystem, at: MotionState, x: Array) -> MotionState:
+    """Return a motion with these unknowns of equilibrium; nothing depends on integrals of states."""
+    q, v, n = x[: system.unknowns].copy(), at.v.copy(), system.unknowns
+    v[system.states], q[system.states] = q[system.states], 0.0
+    return replace(at, q=q, v=v, multipliers=x[n:])
 
 
 def held(system: RestingSystem, at: MotionState, damping: float = 0.0) -> Callable[[Array], Array]:
@@ -238,11 +259,18 @@ def held(system: RestingSystem, at: MotionState, damping: float = 0.0) -> Callab
 
     ``damping`` is a further part of the mass matrix as that of ``shift``.
     """
+    from scipy.sparse import diags_array
     from scipy.sparse.linalg import splu
 
-    n = system.unknowns
-    mass, _, stiffness = system.matrices(at, rates=False)
+    n, states = system.unknowns, system.states
+    mass, of_rates, stiffness = system.matrices(at, rates=bool(len(states)))
     of_mass = mass[:n, :n]
+    if len(states):  # their columns are the slopes by states; those that no rate depends on stay
+        of_states = np.isin(np.arange(stiffness.shape[1]), states).astype(float)
+        stiffness = stiffness + of_rates @ diags_array(of_states)
+        least = system.shift * max(1.0, abs(stiffness).tocsr()[states].max())
+        stiffness = stiffness + diags_array(least * of_states)
+        of_mass = diags_array(1.0 - of_states[:n]) @ of_mass
     shift = (system.shift + damping) * abs(stiffness[:n, :n]).max() / abs(of_mass).max()
     of_mass.resize(stiffness.shape)
     try:
@@ -256,16 +284,22 @@ def linearised(system: RestingSystem, at: MotionState) -> AtRest:
     """Return the equations about an equilibrium, on the changes that the constraints leave."""
     from scipy.linalg import null_space
 
-    n = system.unknowns
+    n, states = system.unknowns, system.states
     mass, damping, stiffness = (x.toarray() for x in system.matrices(at))
     # In lengths of the linkage: units of metres would mix stiff and soft motions of small linkages.
-    rows = mass[n:, :n] * system.scale
+    mechanism = np.delete(np.arange(n), states)
+    rows = (mass[n:, :n] * system.scale)[:, mechanism]
     rows /= np.linalg.norm(rows, axis=1, keepdims=True)
-    basis = system.scale[:, None] * null_space(rows)
+    free = null_space(rows)
+    basis = np.zeros((n, free.shape[1] + len(states)))
+    basis[np.ix_(mechanism, np.arange(free.shape[1]))] = system.scale[mechanism, None] * free
+    basis[states, free.shape[1] + np.arange(len(states))] = 1.0
     sizes = np.sqrt(np.sum(np.abs(basis) * (np.abs(stiffness[:n, :n]) @ np.abs(basis)), axis=0))
     mass, damping, stiffness = (basis.T @ x[:n, :n] @ basis for x in (mass, damping, stiffness))
-    if np.max(np.abs(stiffness - stiffness.T) / np.outer(sizes, sizes), initial=0.0) <= _UNSYMMETRIC:
-        stiffness = (stiffness + stiffness.T) / 2
+    of_places = stiffness[: free.shape[1], : free.shape[1]]
+    size = sizes[: free.shape[1]]
+    if np.max(np.abs(of_places - of_places.T) / np.outer(size, size), initial=0.0) <= _UNSYMMETRIC:
+        of_places[:] = (of_places + of_places.T) / 2
     return AtRest(basis, mass, damping, stiffness, sizes)
 
 
@@ -308,7 +342,17 @@ def described(
         float(max(np.max(np.abs(x), initial=0.0) for x in some))
         for some in (forces, [unbalanced[system.translations]])
     )
-    about = Linearised(of.basis, of.mass, of.damping, of.stiffness, multipliers[0], unbalanced, scale, left)
+    about = Linearised(
+        of.basis,
+        of.mass,
+        of.damping,
+        of.stiffness,
+        multipliers[0],
+        unbalanced,
+        scale,
+        left,
+        integrals=len(system.states),
+    )
     state = state_at(system.rigid.evaluator, at.t, q[0, :n], v[0, :n])
     state.positions.update(positions)
     on_points = (multipliers[0, : len(system.rows)] / system.sizes).tolist()

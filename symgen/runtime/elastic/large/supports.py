@@ -11,7 +11,7 @@ from symgen.errors import ModelError
 from symgen.runtime._constrained import Rows
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.elements import kernels, meshed
-from symgen.runtime.elastic.large.attached import DIRECTION, FORCE, LinkSection, at_nodes
+from symgen.runtime.elastic.large.attached import DIRECTION, FORCE, LinkSection, Posed, at_nodes
 from symgen.runtime.elastic.large.links import LargeLink, element_properties
 from symgen.runtime.elastic.motion import ElasticMotion
 
@@ -65,6 +65,11 @@ def section_of(links: Sequence[LargeLink], link: str, point: str) -> LinkSection
     info = link_number.beam.info
     place = int(link_number.places[info.joint_nodes[info.points.index(point)], 2])
     return LinkSection(link, info.start, info.end, link_number.beam.properties.length, place)
+
+
+def posed_shaft(motion: ElasticMotion, crank: LargeLink) -> Posed:
+    """Return the calls of kernels with an elastic crank in the direction of its first section."""
+    return Posed(motion, [section_of([crank], crank.beam.info.link, crank.beam.info.start)])
 
 
 def rotation_of(links: Sequence[LargeLink], name: str) -> LinkSection:

@@ -51,11 +51,18 @@ def initial(linkage: LinkageInSpace, state: str | Sequence[float]) -> MotionStat
     Raises
     ------
     ModelError
-        Without an equilibrium; for motions or loads that jump at the start; for more amplitudes than modes,
-        and those that are not far below the length of the links.
+        Without an equilibrium; with first-order states; for motions or loads that jump at the start; for more
+        amplitudes than modes, and those that are not far below the length of the links.
     """
+    if state == "undeformed":
+        return linkage.start()
+    if len(linkage.states):
+        raise ModelError(
+            f"{linkage.name}: expected an undeformed start for a scene with [states], which bend links as "
+            f"they change, got initial = {state!r}\n  Leave initial out."
+        )
     if isinstance(state, str):
-        return linkage.start() if state == "undeformed" else quasi_static(linkage)
+        return quasi_static(linkage)
     return deflected(linkage, state)
 
 

@@ -90,7 +90,7 @@ class LinkageInSpace(RestingSystem):
         ]
         self.links, pins, size = links_in_space(d, constants, divided, elements)
         of_joints = {b.name: b for b in evaluators[1].info("joints").blocks}
-        place = {f"{p}_{axis}": 3 * k + i for k, p in enumerate(d.free) for i, axis in enumerate("xyz")}
+        place = {name: k for k, name in enumerate(d.of_coordinates())}
         entries = [entries_of(of_joints, name, place) for name in _SLOPES]
         names = of_joints["jacobian"].rows if "jacobian" in of_joints else ()
         rows = [d.constraints.index(name) for name in names]
@@ -100,7 +100,8 @@ class LinkageInSpace(RestingSystem):
         #: Directors of all nodes, (nodes, 3, 3).
         directors = np.concatenate([k.places[:, 3:] for k in self.links]).reshape(-1, 3, 3)
         #: Unknowns that are positions.
-        self.translations = np.delete(np.arange(size), directors.ravel())
+        self.states = np.arange(d.of_points, d.coordinates)
+        self.translations = np.delete(np.arange(size), [*directors.ravel(), *self.states])
         scale = np.ones(size)
         scale[self.translations] = max(link.length.real for link in self.links)
         # Numbers behind the unknowns: places of all points, and fixed axes.
@@ -144,7 +145,7 @@ class LinkageInSpace(RestingSystem):
                     labels[place] = (
                         f"{link.info.link}@{node + 1}.{('', 'd1_', 'd2_', 'd3_')[k // 3]}{'xyz'[k % 3]}"
                     )
-        labels[: self._points] = [f"{p}.{axis}" for p in d.free for axis in d.axes]
+        labels[: self._points] = [*(f"{p}.{axis}" for p in d.free for axis in d.axes), *d.integrals]
         return tuple(labels)
 
     @property

@@ -87,6 +87,8 @@ class SpatialModel(ModelOfRigid):
         from symgen.runtime.rods.modes import analyse
 
         self._refuse_types("modes of elastic links in space are")
+        if self.description.states and not isinstance(at, Equilibrium):
+            at = self._equilibrium(at)
         if isinstance(at, Equilibrium):
             return analyse(self.rigid.evaluator, at)
         return modes_in_space(self.rigid, 0.0 if at is None else real(at, "the time of the pose"))
@@ -117,6 +119,11 @@ class SpatialModel(ModelOfRigid):
             raise ModelError(
                 f"{self.name}: expected frequencies in a pose, got {', '.join(outputs) or 'no outputs'}\n"
                 "  Other outputs are those of a run: give at = model.simulate()."
+            )
+        if self.description.states:
+            raise ModelError(
+                f"{self.name}: frequencies of a scene with [states] have no derivatives\n"
+                "  Outputs of a run have: give at = model.simulate()."
             )
         return of_frequencies(self.rigid, by, coordinates, 0.0 if at is None else real(at, "the time"))
 

@@ -9,7 +9,7 @@ import numpy as np
 from symgen.runtime.beams.energies import Energies
 from symgen.runtime.elastic.large.collocation import MotionState, stacked
 from symgen.runtime.elastic.large.shaking import in_space
-from symgen.runtime.elastic.outputs import length_change
+from symgen.runtime.elastic.outputs import length_change, of_states
 from symgen.runtime.elastic.space.drives import drives
 from symgen.runtime.elastic.space.joints import length_of
 from symgen.runtime.elastic.space.linkage import LinkageInSpace
@@ -60,6 +60,7 @@ def outputs(linkage: LinkageInSpace, states: Sequence[MotionState]) -> list[Vari
         chord = q[:, link.places[-1, :3]] - q[:, link.places[0, :3]]
         variables.append(length_change(name, length_of(chord) - link.length))
     variables += [*drives(linkage, states), *in_space(linkage, states)]
+    variables += of_states(linkage.rigid.description, v, a)
     for point, place in linkage.positions(t, q).items():
         variables.append(Variable(f"{point}.position", "m", f"position of {point}", axes, place))
     kinetic, strain, potential, dissipated = linkage.energies(t, q, v, a)

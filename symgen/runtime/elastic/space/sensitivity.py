@@ -24,7 +24,7 @@ from symgen.runtime.elastic.space.outputs import outputs as outputs_of
 from symgen.runtime.elastic.space.tangents import RunTangents, by_parameters, matrices
 from symgen.runtime.kernels.evaluate import UNIT
 from symgen.runtime.linearisation.record import Sensitivity, sensitivity_of
-from symgen.runtime.linearisation.sensitivity import moved_pose
+from symgen.runtime.linearisation.sensitivity import check_starts, moved_pose
 from symgen.runtime.linearisation.state_space import derivatives
 from symgen.runtime.result.records import Variable
 from symgen.runtime.rods.model.rods import RodModel
@@ -114,6 +114,8 @@ def _directions(
     rigid: RodModel, parameters: Sequence[str], coordinates: Sequence[str]
 ) -> Iterator[LinkageInSpace]:
     """Yield the linkage along each parameter."""
+    check_starts(rigid, parameters)
+    coordinates = [*coordinates, *rigid.description.integrals]
     names = tuple(derivatives(rigid.description, coordinates))
     tangents = rigid._tangents(rigid.initial_state(), names, "sensitivity")
     tangents.check_closed()
