@@ -33,6 +33,7 @@ from shared.flexible_arms import (
     sized,
     spatial,
 )
+from shared.linkages import at, ground
 
 import symgen
 from symgen.errors import CapabilityError, ModelError, SimulationError
@@ -134,6 +135,28 @@ def test_eigenvalues_of_the_closed_loop_are_those_of_a_beam():
         errors.append(np.max(np.abs(found / exact - 1)))
     assert errors[0] > 12 * errors[1] > 144 * errors[2] and errors[2] < 5e-6
     assert {"decay", "oscillation"} == {m.kind for m in model.modes()}
+
+
+def test_eigenvalues_of_an_arm_on_a_rigid_hub_are_those_of_a_beam():
+    """The hub is the crank, of half the inertia, with a flywheel of the other half; the arm is welded to it."""
+    kp, kd, radius = 0.8, 0.3, 0.1
+    half = f"{HUB / 2!r} kg*m^2"
+    tables = arm(
+        states={"m": {"start": "0 N*m", "rate": "(-kp*hub.angle - kd*hub.rate - m)/lag"}},
+        parameters={"kp": f"{kp} N*m", "kd": f"{kd} N*m*s", "lag": f"{LAG} s"},
+        points={"O": ground(0, 0), "H": at(radius, 0), "tip": at(radius + LENGTH, 0)},
+        links={
+            "hub": {"points": ["O", "H"], "mass": "1 kg", "centre": 0, "inertia": half},
+            "arm": THIN_LINK | {"points": ["H", "tip"]},
+        },
+        welds=[{"point": "H", "links": ["hub", "arm"]}],
+        crank=arm()["crank"] | {"link": "hub", "flywheel": half},
+        analysis={},
+    )
+    model = built(tables)
+    found = np.array([m.s for m in model.modes(model.equilibrium(elements=8))])[:5]
+    exact = np.array([root_near(s, radius, HUB, kp, kd) for s in found])
+    assert found == pytest.approx(exact, rel=5e-5) and len({np.round(s, 3) for s in exact}) == 5
 
 
 # -- closed forms, the rigid limit, equilibria -----------------------------------------------------------------------
