@@ -126,7 +126,8 @@ class LinearAnalyses:
             An equilibrium, which moves with the parameters; or a state, in which the time, drives and
             ``coordinates`` are held constant. If drives alone move the linkage, and for loops and elastic
             links, a time [s] specifies the state. For elastic links also the result of :meth:`periodic`,
-            at constant angles of the crank, or of :meth:`simulate`, at its samples. By default the start.
+            at constant angles of the crank, or of :meth:`simulate`, at its samples. By default the start,
+            which also moves with the parameters if the scene has ``start.equilibrium``.
         coordinates
             Independent coordinates as for :meth:`linearise`, held constant with their rates at a state: one
             for each degree of freedom that is not driven.

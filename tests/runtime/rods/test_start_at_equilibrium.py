@@ -253,7 +253,7 @@ def test_a_drive_may_accelerate_at_the_start_but_not_move():
     w, own, t = 5.0, np.sqrt(K / M), run.time
     lifted = 0.01 * (1 - np.cos(own * t) - own**2 / (own**2 - w**2) * (np.cos(w * t) - np.cos(own * t)))
     assert run["A.position"].values[:, 1] == pytest.approx(drop() + lifted, abs=1e-10)
-    with pytest.raises(ModelError, match="the ground point U moves"):
+    with pytest.raises(ModelError, match="(?s)the ground point U moves.*zero acceleration"):
         model.sensitivity(["A.position.y"], ["k"], t_end=1.0)
 
 

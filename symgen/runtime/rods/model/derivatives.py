@@ -71,7 +71,12 @@ def _rest(model: Any) -> Equilibrium | None:
     """
     rest: Equilibrium | None = model._stored_start().rest
     if rest:
-        at_rest(model.constraints(), rest.state.q, 0.0)
+        try:
+            at_rest(model.constraints(), rest.state.q, 0.0)
+        except ModelError as error:
+            raise ModelError(
+                f"{error}\n  Derivatives hold the start in equilibrium: begin with zero acceleration, too."
+            ) from None
     return rest
 
 
