@@ -154,8 +154,11 @@ def means(result: Result, of: Mapping[str, Average]) -> dict[str, tuple[float, f
 
 
 def extremes_of(result: Result, of: Mapping[str, Average]) -> dict[str, tuple[float, float, float, float]]:
-    """Return the extremes of a motion over time by component, and their times, in the units of tables."""
-    if result.coordinate.name != "time":
+    """Return the extremes of a run by component, and their times, in the units of tables.
+
+    Other results have those of their poses.
+    """
+    if result.KIND != "run":
         return {}
     names = {name: v for v in result.variables for name in (v.name, *v.names)}
     sizes = {name: shown_in(names[name].name, names[name].unit, result.units)[1] for name in of}
@@ -184,7 +187,7 @@ def with_averages(result: Any) -> dict[str, Any]:
     for name, of in averages_of(result).items() if isinstance(result, Result) else ():
         works = {"work": of.work, "positive_work": of.positive_work, "negative_work": of.negative_work}
         known = {word: x for word, x in works.items() if x is not None}
-        if result.coordinate.name == "time" and np.isfinite(of.maximum):
+        if result.KIND == "run" and np.isfinite(of.maximum):
             ends = ("minimum", "minimum_at", "maximum", "maximum_at")
             known |= {word: getattr(of, word) for word in ends}
         summary["outputs"][name] |= plain({"mean": of.mean, "mean_error": of.error, "rms": of.rms, **known})

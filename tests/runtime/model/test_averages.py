@@ -285,3 +285,12 @@ def test_printed_extremes_do_not_depend_on_samples():
         assert (of["minimum"], of["maximum"]) == pytest.approx((0.18, 0.3), rel=1e-9)
         plain = CliRunner().invoke(app, [*arguments, "--no-means"]).stdout
         assert f"extremes of {samples} samples" in plain
+
+
+def test_extremes_of_poses_are_those_of_the_poses():
+    """A quarter of a revolution per pose passes both dead centres of the slider between poses."""
+    arguments = ["kinematics", "whitworth", "--of", "S", "--samples", "5", "--json"]
+    of = json.loads(CliRunner().invoke(app, arguments).stdout)["outputs"]["S.position.x"]
+    poses = symgen.build("whitworth").kinematics(samples=5)["S.position"].values[:, 0]
+    assert (of["minimum"], of["maximum"]) == pytest.approx((poses.min(), poses.max()), rel=1e-12)
+    assert of["maximum"] < 0.2999
