@@ -16,7 +16,6 @@ from symgen.codegen.series import order_view
 from symgen.codegen.source import LOOPS, SourceFile
 from symgen.codegen.target import Target
 from symgen.codegen.views import (
-    ArrayView,
     BlockView,
     GroupView,
     KernelView,
@@ -232,11 +231,9 @@ def _kernel(program: Program, kernel: Kernel, target: Target, rolls: bool) -> Ke
         late=tuple(_stores(late, prints, target)),
         calls=calls_of(kernel, target),
         blocks=tuple(map(_block, kernel.blocks)),
-        reads=tuple(ArrayView(a, sizes[a]) for a in ARRAYS if a in sizes),
         given=tuple(a for a in ARRAYS if a in {*sizes, *arguments}),
         sizes=(*(sizes.get(a, 0) for a in ARRAYS[:4]), kernel.work_size, kernel.out_size),
         work_size=kernel.work_size,
-        out_size=kernel.out_size,
         after_setup=_is_after_setup(program, kernel),
         rolled=loops,
         iterated=kernel if isinstance(kernel, IteratedKernel) else None,

@@ -33,14 +33,6 @@ class BlockView:
 
 
 @dataclass(frozen=True, slots=True)
-class ArrayView:
-    """An argument array that a kernel reads."""
-
-    name: str
-    size: int
-
-
-@dataclass(frozen=True, slots=True)
 class GroupView:
     """An argument array and the meaning of its entries; ``behind`` counts derived entries from 'setup'."""
 
@@ -83,11 +75,9 @@ class KernelView:
     late: tuple[TextAssignment, ...]
     calls: tuple[CallView, ...]
     blocks: tuple[BlockView, ...]
-    reads: tuple[ArrayView, ...]
     given: tuple[str, ...]
     sizes: tuple[int, ...]
     work_size: int
-    out_size: int
     after_setup: bool
     rolled: Rolled | None
     iterated: IteratedKernel | None

@@ -96,16 +96,6 @@ class JointLaw:
 
 
 @dataclass(frozen=True, slots=True)
-class StatedOutput:
-    """An output by an expression, with the SI unit of its value and its meaning."""
-
-    name: str
-    unit: str
-    meaning: str
-    value: sp.Expr
-
-
-@dataclass(frozen=True, slots=True)
 class Load(ABC):
     """A load of a linkage: one entry of its table, with exact values in SI units.
 
@@ -152,11 +142,6 @@ class Load(ABC):
     @abstractmethod
     def terms(self, dimension: int) -> Iterator[LoadTerm]:
         """Yield the measures on which the load acts, with energy and force, in 2 or 3 dimensions."""
-
-    @property
-    def stated(self) -> StatedOutput | None:
-        """The output that it is, instead of acting on something; None of loads."""
-        return None
 
     @property
     def of_joint(self) -> JointLaw | None:
@@ -251,3 +236,18 @@ class Load(ABC):
             new = change(name, kind, value)
             changed[name] = new[0] if kind == "scalar" else new
         return replace(self, **changed)
+
+
+@dataclass(frozen=True, slots=True)
+class StatedOutput(Load):
+    """An output by an expression, with the SI unit of its value and its meaning, which acts on nothing."""
+
+    named = acts = False
+
+    word: str
+    unit: str
+    meaning: str
+    value: sp.Expr = expression("scalar")
+
+    def terms(self, dimension: int) -> Iterator[LoadTerm]:
+        yield from ()

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
-import sympy as sp
 from pydantic import Field
 
 from symgen.errors import SceneError
-from symgen.loads.load import Load, Reading, StatedOutput, expression
-from symgen.loads.measure import LoadTerm
+from symgen.loads.load import Reading, StatedOutput
 from symgen.scene import table, units
 from symgen.scene.expressions import parse_any
 from symgen.scene.faults import at
@@ -26,16 +23,10 @@ class Output(table.Table):
 
 
 @dataclass(frozen=True, slots=True)
-class SceneOutput(Load):
-    """An output of the scene, of this name, with the SI unit of its value."""
+class SceneOutput(StatedOutput):
+    """An output of the scene."""
 
     noun, plural, schema = "output", "outputs by expressions", Output
-    named = acts = False
-
-    word: str
-    unit: str
-    meaning: str
-    value: sp.Expr = expression("scalar")
 
     @classmethod
     def read(cls, read: Reading, table: Output, name: str, where: str) -> SceneOutput:
@@ -49,10 +40,3 @@ class SceneOutput(Load):
                 if units.without_angles(unit) != dim.unit:
                     raise SceneError(f"expected a unit like {dim.unit} of the value, got {table.unit!r}")
         return cls(name, table.name, unit, table.about.strip() or f"output {table.name}", value)
-
-    @property
-    def stated(self) -> StatedOutput:
-        return StatedOutput(self.word, self.unit, self.meaning, self.value)
-
-    def terms(self, dimension: int) -> Iterator[LoadTerm]:
-        yield from ()

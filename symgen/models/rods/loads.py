@@ -216,8 +216,8 @@ class Loads:
         """Outputs of all loads by name, each to be derived; vectors are on fixed axes."""
         known: dict[str, Callable[[], Entries]] = {}
         for table, number, load in self.linkage.placed_loads:
-            if load.stated:
-                known[load.stated.name] = partial(self._stated, load.stated)
+            if isinstance(load, StatedOutput):
+                known[load.word] = partial(self._stated, load)
                 continue
             terms = [*load.terms(len(self.model.axes))]
             owner, named = f"{table}.{number}", f"{load.noun} {number}"

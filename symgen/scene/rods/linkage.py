@@ -12,7 +12,7 @@ import sympy as sp
 
 from symgen.errors import SceneError
 from symgen.loads import LOADS
-from symgen.loads.load import Load
+from symgen.loads.load import Load, StatedOutput
 from symgen.loads.measure import Measure
 from symgen.scene.elastic.links import Crank, ElasticLink, JointInSpace, ModalDamping, Station
 from symgen.scene.limit import Limit
@@ -355,7 +355,7 @@ class Linkage:
     @property
     def scene_outputs(self) -> tuple[str, ...]:
         """Names of the recorded outputs that the scene states by expressions."""
-        names = (load.stated.name for load in self.loads if load.stated)
+        names = (load.word for load in self.loads if isinstance(load, StatedOutput))
         return tuple(name for name in names if self.outputs is None or name in self.outputs)
 
     @property
