@@ -282,6 +282,8 @@ def test_what_linear_theory_lacks_is_refused(driven, tmp_path):
     for name in ("periodic", "quasi_static", "speed_response", "sensitivity"):
         with pytest.raises(CapabilityError, match=refused):
             getattr(driven, name)
+    with pytest.raises(CapabilityError, match=r"linearise: it has elastic links; model.modes"):
+        driven.linearise()
     for call in (
         lambda: driven.simulate(0.1, method="newmark"),
         lambda: driven.modes(at=0.0),

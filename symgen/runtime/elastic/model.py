@@ -94,7 +94,8 @@ class ElasticModel(ModelOfRigid):
 
     description: Description
     MISSING: ClassVar[Mapping[str, str]] = {
-        "": "it has elastic links; model.rigid, the rigid linkage, has this analysis"
+        "": "it has elastic links; model.rigid, the rigid linkage, has this analysis",
+        "linearise": "it has elastic links; model.modes(model.equilibrium()) has the eigenvalues at rest",
     }
 
     def __init__(self, rigid: RodModel, with_motor: WithMotor | None = None) -> None:
