@@ -9,7 +9,7 @@
 
 #define SYMGEN_RESTRICT restrict
 
-const char peaucellier_equations[65] = "7936ba913e250aa40d2000eb1f8b262d441eabce93f1d32fec34b7627e0157b5";
+const char peaucellier_equations[65] = "346d89a42cf338356d406924685dc3a91f19d2ec9ee278e02d03628f81960e33";
 
 /* One over a pivot, or zero where cancellation left nothing of it. */
 static double guarded_inverse(double pivot, double sound, double tolerance)

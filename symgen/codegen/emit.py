@@ -244,19 +244,21 @@ def _series(program: Program, kernels: tuple[KernelView, ...], target: Target) -
     solve = next((k for k in kernels if k.name == "solve"), None)
     orders = {k.name: order_view(k, _type(target), printer(target)) for k in program.series}
     sides, name = next(k for k in program.series if k.name == "sides"), "series"
+    speed = orders.get("speed")
     return SeriesView(
         name,
         _prototype(program.name, name, _type(target)),
         sides.rows,
         sides.coordinates,
-        sides.out_size - sides.coordinates,
+        sides.coordinates if speed else sides.out_size - sides.coordinates,
         sides.products,
         sides.ahead,
-        sum(k.out_size for k in program.series if k is not sides) - sides.watched,
+        sum(k.out_size for k in program.series if k.name == "along") - sides.watched - bool(speed),
         sides.watched,
         orders.get("ahead"),
         orders["sides"],
         orders.get("behind"),
+        speed,
         orders.get("along"),
         solve is None,
         solve if solve and _is_inlined(solve) else None,

@@ -123,7 +123,8 @@ class SeriesView:
     ``products`` counts those of the present order, ``products_ahead`` those one order ahead; ``power`` is 1
     if the power of loads is integrated, else 0; ``watched`` counts other quantities. ``solve`` is the view of
     the kernel of the solution if it is repeated in the loop over the orders, else None; without this kernel
-    (``inverse``) the solution is a product with the inverse matrix. ``calls`` are functions of the C library.
+    (``inverse``) the solution is a product with the inverse matrix. ``speed`` is that of one freedom,
+    with the motion of unit inertia in the place of the multipliers. ``calls`` are functions of the C library.
     """
 
     name: str
@@ -138,6 +139,7 @@ class SeriesView:
     ahead: OrderView | None
     sides: OrderView
     behind: OrderView | None
+    speed: OrderView | None
     along: OrderView | None
     inverse: bool
     solve: KernelView | None
@@ -146,7 +148,7 @@ class SeriesView:
     @property
     def functions(self) -> list[str]:
         """Return the names of the recurrences that it calls."""
-        orders = (self.ahead, self.sides, self.behind, self.along)
+        orders = (self.ahead, self.sides, self.behind, self.speed, self.along)
         return [name for order in orders if order for name in order.functions]
 
 

@@ -18,6 +18,7 @@ from symgen.lowering.expressions import ZERO, Call, Node, Reference, add, multip
 from symgen.lowering.kernel import Assignment
 from symgen.lowering.series import (
     MULTIPLIER,
+    SPEED,
     TIME,
     Argument,
     Atom,
@@ -194,6 +195,8 @@ class CoefficientWriter:
                 )
             case Argument(array) if array == TIME:
                 return order.time
+            case Argument(array) if array == SPEED:
+                return Reference(SPEED)
             case Derivative(of):
                 return multiply(RATE, self._first(NEXT, of))
         if self._is_stored(atom):

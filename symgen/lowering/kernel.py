@@ -122,7 +122,7 @@ class SeriesKernel(Kernel):
     first and then of the second factors of ``products``, the same of products one order ``ahead``, of other
     operands, some that are not used, of the work of loads without potential, and last of the ``watched``
     quantities. Those of the numbers ``lacking`` have functions without a recurrence; their coefficients are
-    zero.
+    zero. Of one freedom, the motion of unit inertia is in the place of the multipliers.
     """
 
     rows: int = 0

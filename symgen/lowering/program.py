@@ -20,7 +20,7 @@ from symgen.lowering.expressions import (
     rename,
 )
 from symgen.lowering.kernel import RANK_TOLERANCE, SETUP, Block, Kernel, Program, SeriesKernel, Slot
-from symgen.lowering.recurrences import EquationsOfMotion, lower_series
+from symgen.lowering.recurrences import EquationsOfMotion, lower_one_freedom, lower_series
 from symgen.lowering.sparse_ldlt import Factor, factor, solve
 from symgen.lowering.straight_line import Shared, StraightLine
 from symgen.symbolic.switch import WHICH_PIECE, PieceFunction, PiecewisePolynomial, Sign
@@ -28,6 +28,8 @@ from symgen.symbolic.system import Export, NamedMatrix, SaddlePoint, System
 
 #: Matrices of the kernel 'events': switching points, in rows named after their branches; rates of angles.
 SWITCHES, RATES = "switches", "turn_rates"
+#: The residual of one freedom: what vanishes along the motion of unit inertia, then the power on it.
+FREE_MOTION = "free_motion"
 
 
 def lower_system(system: System) -> Program:
@@ -230,7 +232,8 @@ class _Lowering:
             sum(len(x.matrix) for x in watched if x.name.endswith("events")),
             len(system.group("p").quantities),
         )
-        return list(lower_series(equations))
+        one_freedom = system.residual == FREE_MOTION
+        return list(lower_one_freedom(equations) if one_freedom else lower_series(equations))
 
 
 def _blocks(matrices: Sequence[NamedMatrix]) -> tuple[Block, ...]:

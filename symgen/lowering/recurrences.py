@@ -10,6 +10,10 @@ are from ``ahead``, before ``sides``, and from ``behind``, after the solution, w
 Each order has a row of coefficients: those of q, those of lambda, and the operands of products and functions
 (:mod:`symgen.lowering.coefficients`).
 
+Of one freedom, velocities are multiples s of a motion of unit inertia along which s' is the power of loads.
+Coefficient k of that motion is the solution; by it and that of s, which the one before of the power gives,
+``speed`` returns coefficient k of the velocities. The first of what ``along`` returns is the power.
+
 A length constraint is a polynomial of second degree in q: the second rate of its coefficient k + 2 takes half
 the products of gamma - J a, and leaves no error of lower order in the constraint.
 """
@@ -26,6 +30,7 @@ from symgen.lowering.kernel import Assignment, Block, SeriesKernel, Store
 from symgen.lowering.series import (
     ACCELERATION,
     MULTIPLIER,
+    SPEED,
     Argument,
     Linear,
     Terms,
@@ -34,6 +39,9 @@ from symgen.lowering.series import (
     total,
     unit,
 )
+
+#: Name and meaning of a kernel, its statements and its results.
+_Part = tuple[str, str, list[Assignment], list[Node]]
 
 #: Statements from which on compilation takes more time than a run by power series saves.
 MOST = 1000
@@ -102,10 +110,7 @@ def lower_series(e: EquationsOfMotion) -> list[SeriesKernel]:
         subtract(j, factor, MULTIPLIER, i)
         subtract(n + i, factor, ACCELERATION, j)
     powers = [] if e.power is None else [terms.of(e.power)]
-    known, count = terms.known(e.watched), len(e.watched)
-    numbers = range(count if known.keys() >= {*range(e.events, count)} else 0)
-    watched = [known.get(i, Linear()) for i in numbers]
-    lacking = tuple(i for i in numbers if i not in known)
+    watched, lacking = _watched(terms, e)
     totals = [total(x) for x in sums.values()]
     writer = CoefficientWriter(terms, n, e.m, [*totals, *powers, *watched])
     found = writer.two_ahead({n + i: x for i, x in squares.items()})
@@ -114,27 +119,79 @@ def lower_series(e: EquationsOfMotion) -> list[SeriesKernel]:
     writer.complete_operands()
     along = writer.write([*powers, *watched])
     behind, ahead = writer.behind(), writer.ahead()  # with rows for all that the others read
-    rows = len(writer.placed) + len(along)
-    # of many, those at odd multiples of eight lie in different sets of a cache
-    rows += (8 - rows) % 16 if rows > 256 else -rows % ALIGNED
-    counts = (len(writer.pairs), len(writer.pairs_ahead), len(watched), lacking)
     of = "coefficient of the power of loads without potential" if powers else "coefficient"
     of += (" and" if powers else "") + " of what a run watches" if watched else ""
-    out = [found[i] for i in range(n + e.m)]
-    parts: tuple[tuple[str, str, list[Assignment], list[Node]], ...] = (
-        ("ahead", "coefficients of coordinates and their functions, one order ahead", ahead, []),
-        ("sides", "coefficient of the right-hand side of the equations of motion", before, out),
-        ("behind", "coefficients that depend on those of the solution", behind, []),
-        ("along", of, writer.statements, along),
+    kernels = _kernels(
+        e,
+        writer,
+        (len(watched), lacking),
+        (
+            ("ahead", "coefficients of coordinates and their functions, one order ahead", ahead, []),
+            _sides("the equations of motion", before, [found[i] for i in range(n + e.m)]),
+            ("behind", "coefficients that depend on those of the solution", behind, []),
+            ("along", of, writer.statements, along),
+        ),
     )
-    kernels = [
-        _kernel(name, about, statements, out, rows, e, counts)
-        for name, about, statements, out in parts
-        if statements or out
-    ]
     if e.mass and sum(len(kernel.assignments) for kernel in kernels) > MOST:  # loops have few links
         raise DerivationError("the motion has too many terms for power series")
     return kernels
+
+
+def lower_one_freedom(e: EquationsOfMotion) -> list[SeriesKernel]:
+    """Return these kernels for a motion of one freedom, and ``speed``.
+
+    ``e.sides`` vanish along the motion of unit inertia, which is in ``work``; the last is the power on it.
+
+    Raises
+    ------
+    DerivationError
+        For a function without a recurrence, and a power or watched quantity that depends on that motion.
+    """
+    *vanishing, power = (e.sides.get(i, ZERO) for i in range(e.n + e.m))
+    terms = Terms(e.values, {}, 0)
+    closed, force = [terms.of(x) for x in vanishing], terms.of(power)
+    speed = unit(Argument(SPEED, 0))
+    rates = [terms.times(unit(Argument(MULTIPLIER, i)), speed) for i in range(e.n)]
+    watched, lacking = _watched(terms, e)
+    others = [*([] if e.power is None else [terms.of(e.power)]), *watched]
+    if any(terms.is_of_late(a) for x in others for a, _ in x.terms):
+        raise DerivationError("the power of loads depends on accelerations")
+    writer = CoefficientWriter(terms, e.n, e.n, [*closed, *rates, force, *others])
+    found = writer.write(closed)
+    before = writer.solved()
+    velocities = writer.write(rates)
+    of_speed, writer.statements = writer.statements, []
+    along = writer.write([force, *others])
+    writer.complete_operands()
+    behind, ahead = writer.behind(), writer.ahead()
+    return _kernels(
+        e,
+        writer,
+        (len(watched), lacking),
+        (
+            ("ahead", "coefficients of sums of coordinates", ahead, []),
+            _sides("closure and inertia of the motion of unit inertia", before, found),
+            ("behind", "coefficients of the motion of unit inertia", behind, []),
+            ("speed", "coefficients of the velocities, multiples of that motion", of_speed, velocities),
+            (
+                "along",
+                "coefficient of the power on that motion, and of what a run watches",
+                writer.statements,
+                along,
+            ),
+        ),
+    )
+
+
+def _watched(terms: Terms, e: EquationsOfMotion) -> tuple[list[Linear], tuple[int, ...]]:
+    """Return the watched quantities, and the numbers of those without a series."""
+    known, count = terms.known(e.watched), len(e.watched)
+    numbers = range(count if known.keys() >= {*range(e.events, count)} else 0)
+    return [known.get(i, Linear()) for i in numbers], tuple(i for i in numbers if i not in known)
+
+
+def _sides(of: str, statements: list[Assignment], out: list[Node]) -> _Part:
+    return ("sides", f"coefficient of the right-hand side of {of}", statements, out)
 
 
 def _quadratic(terms: Terms, x: Linear) -> Linear | None:
@@ -152,19 +209,28 @@ def _quadratic(terms: Terms, x: Linear) -> Linear | None:
     return total(parts)
 
 
-def _kernel(
-    name: str,
-    about: str,
-    statements: Sequence[Assignment],
-    out: Sequence[Node],
-    rows: int,
+def _kernels(
     e: EquationsOfMotion,
-    counts: tuple[int, int, int, tuple[int, ...]],
-) -> SeriesKernel:
-    read = references([*(a.value for a in statements), *out])
-    inputs = [("t", 2)] + ([("p", e.parameters)] if any(x.startswith("p[") for x in read) else [])
-    stores = tuple(Store("out", i, x) for i, x in enumerate(out))
-    blocks = (Block(name, 0, (len(out), 1), "1", about),)
-    return SeriesKernel(
-        name, about, tuple(inputs), tuple(statements), stores, blocks, (), (), rows, e.n, *counts
-    )
+    writer: CoefficientWriter,
+    watched: tuple[int, tuple[int, ...]],
+    parts: Sequence[_Part],
+) -> list[SeriesKernel]:
+    """Return the kernels that have statements or results."""
+    rows = len(writer.placed) + len(parts[-1][-1])
+    # of many, those at odd multiples of eight lie in different sets of a cache
+    rows += (8 - rows) % 16 if rows > 256 else -rows % ALIGNED
+    counts = (len(writer.pairs), len(writer.pairs_ahead), *watched)
+    kernels = []
+    for name, about, statements, out in parts:
+        if not (statements or out):
+            continue
+        read = references([*(a.value for a in statements), *out])
+        inputs = [("t", 2)] + ([("p", e.parameters)] if any(x.startswith("p[") for x in read) else [])
+        stores = tuple(Store("out", i, x) for i, x in enumerate(out))
+        blocks = (Block(name, 0, (len(out), 1), "1", about),)
+        kernels.append(
+            SeriesKernel(
+                name, about, tuple(inputs), tuple(statements), stores, blocks, (), (), rows, e.n, *counts
+            )
+        )
+    return kernels

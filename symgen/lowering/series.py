@@ -31,8 +31,9 @@ from symgen.lowering.expressions import (
 _MINUS_ONE = Constant("-1")
 _HALF_PI = Constant("1.570796326794896619231321691639751442099")
 
-#: Arrays of arguments that vary in time; accelerations and multipliers are both in ``work``.
-Q, U, TIME, ACCELERATION, MULTIPLIER = "q", "u", "t", "a", "lambda"
+#: Arrays of arguments that vary in time; accelerations and multipliers are both in ``work``. Of one freedom,
+#: ``work`` has the motion of unit inertia, of which velocities are multiples by the speed.
+Q, U, TIME, ACCELERATION, MULTIPLIER, SPEED = "q", "u", "t", "a", "lambda", "speed"
 #: Functions of which each is the rate of the other, but for the sign, if that of their argument is one.
 PAIRS = {"sin": "cos", "cos": "sin", "sinh": "cosh", "cosh": "sinh"}
 #: The function that is the rate of the other, in its terms: 1 - tanh^2 is finite where sinh and cosh are not.

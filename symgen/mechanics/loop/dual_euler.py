@@ -124,6 +124,28 @@ def _at(motion: DualVector, point: Triple) -> DualVector:
     return DualVector(motion.real, tuple(v + x for v, x in zip(motion.dual, moved, strict=True)))
 
 
+def along(
+    body: Inertia, motion: DualVector, at_rest: DualVector, names: Names, link: str
+) -> tuple[sp.Expr, sp.Expr]:
+    """Return the inertia of a body along a motion of its frame, and the power of its weight on this motion.
+
+    All velocities that the closure of a loop with one freedom allows are multiples q' = s n of one motion n.
+    Scaled so that the inertias along n sum to 1, the kinetic energy is s^2/2. Its rate s s' is the power s F
+    of weights and loads, of which F is that on n. So s' = F at every speed, also at rest.
+
+    Parameters
+    ----------
+    motion
+        (w; v) of the frame in n.
+    at_rest
+        Acceleration of the frame at rest relative to free fall.
+    """
+    moved = names.screw(link, _at(motion, body.centre), _RATE_AT_CENTRE, f"of {link}")
+    turning = names.vector(f"free_hc_{link}", product(body.matrix, moved.real), "N*m", f"moment, {link}")
+    inertia = body.mass * dot(moved.dual, moved.dual) + dot(moved.real, turning)
+    return inertia, -body.mass * dot(at_rest.dual, moved.dual)
+
+
 def rate_in_space(rate: DualVector, velocity: DualVector, momentum: DualVector) -> DualVector:
     """Return the rate of a dual momentum in space from that of its components in a frame, Eqs. (59)-(61)."""
     return rate + velocity.cross(momentum)

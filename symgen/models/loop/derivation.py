@@ -8,7 +8,7 @@ from functools import cached_property
 import sympy as sp
 
 from symgen.errors import SceneError
-from symgen.mechanics.loop.dual_euler import BodyMotion, Inertia, joint_wrenches
+from symgen.mechanics.loop.dual_euler import BodyMotion, Inertia, along, joint_wrenches
 from symgen.mechanics.loop.dual_paths import NOTHING, WRENCH, Paths
 from symgen.mechanics.loop.dual_rows import Frame, JointMotion, motions
 from symgen.scene.loop.loop import Loop, LoopLoad, Row
@@ -22,9 +22,10 @@ from symgen.symbolic.vectors import cross, dot
 REFERENCE = (
     "S. Rahman, Dynamic Analysis of the Generalized Slider Crank (1991), Eqs. (1)-(68), in the corrected form"
 )
-#: Columns of a dual matrix, real part and dual part, and of axes and origin of a frame.
+#: Columns of a dual matrix, real part and dual part, and of axes and origin of a frame; rows of a screw.
 DUAL = ("x", "y", "z", "dual_x", "dual_y", "dual_z")
 PLACED = ("i", "j", "k", "p")
+SCREW = ("wx", "wy", "wz", "vx", "vy", "vz")
 _ZERO = sp.Integer(0)
 
 
@@ -81,14 +82,20 @@ class LoopDerivation:
         return accelerations
 
     @cached_property
-    def _from_free_fall(self) -> list[DualVector]:
-        """Accelerations less that of free fall: the ground at rest carries gravity along the loop."""
+    def _still(self) -> Paths:
+        """The loop at rest."""
+        return Paths(self.rows, [_ZERO] * len(self.variables), self.names)
+
+    @cached_property
+    def _at_rest(self) -> list[DualVector]:
+        """Accelerations at rest less that of free fall: the ground carries gravity along the loop."""
         x, y, z = (-g for g in self.loop.gravity)
-        still = [_ZERO] * len(self.variables)
-        at_rest = Paths(self.rows, still, self.names).accelerations(
-            still, DualVector(NOTHING.real, (x, y, z)), "fall_"
-        )
-        return [a + b for a, b in zip(self._accelerations, at_rest, strict=True)]
+        return self._still.accelerations(self._still.rates, DualVector(NOTHING.real, (x, y, z)), "fall_")
+
+    @cached_property
+    def _from_free_fall(self) -> list[DualVector]:
+        """Accelerations less that of free fall."""
+        return [a + b for a, b in zip(self._accelerations, self._at_rest, strict=True)]
 
     def inertia(self, link: int) -> Inertia:
         """Return the inertia of a moving link; without mass where the scene gives none."""
@@ -184,6 +191,28 @@ class LoopDerivation:
         self.names.relate(rate, parting)
         return [*rows, *-rate.column]
 
+    @property
+    def free_motion(self) -> list[sp.Expr]:
+        """The motion of one freedom, with accelerations from rest that are scaled to unit inertia.
+
+        One less the inertia and the accelerations of closure, negative, vanish; the last is the power on it.
+        """
+        motion = self._still.accelerations(self.second, NOTHING, "free_")
+        closure = self._still.parting_rate(self.second, motion)
+        inertias, powers = (
+            [],
+            [v.effort * a for v, a in zip(self.variables, self.second, strict=True) if v.effort is not None],
+        )
+        for k in range(1, len(self.links) + 1):
+            end = self._end(k)
+            inertia, power = along(
+                self.inertia(k), motion[end], self._at_rest[end], self.names, f"free_link{k}"
+            )
+            inertias.append(inertia)
+            powers.append(power)
+        powers += [self.load(x).dot(motion[self._end(x.row + 1)]).dual for x in self.loop.loads]
+        return [1 - sp.Add(*inertias), *-closure.column, sp.Add(*powers)]
+
     @cached_property
     def mass_matrix(self) -> list[list[sp.Expr]]:
         """Derivative of the inverse efforts by the accelerations, one column for each of them.
@@ -192,10 +221,9 @@ class LoopDerivation:
         surface of the closed loop, where it is contracted with motions of the loop.
         """
         columns = []
-        still = Paths(self.rows, [_ZERO] * len(self.variables), self.names)
         for j, v in enumerate(self.variables):
             unit = [sp.Integer(int(i == j)) for i in range(len(self.variables))]
-            accelerations = still.accelerations(unit, NOTHING, f"{v.name}_")
+            accelerations = self._still.accelerations(unit, NOTHING, f"{v.name}_")
             net = [
                 self.names.screw(
                     f"{v.name}_link{k}",

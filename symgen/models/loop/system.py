@@ -11,14 +11,23 @@ from symgen.errors import SceneError
 from symgen.mechanics.sources import LOOP, row_source
 from symgen.models.limits import limits_of
 from symgen.models.loop import outputs as loop_outputs
-from symgen.models.loop.derivation import DUAL, PLACED, REFERENCE, LoopDerivation, entries, jet, named
+from symgen.models.loop.derivation import (
+    DUAL,
+    PLACED,
+    REFERENCE,
+    SCREW,
+    LoopDerivation,
+    entries,
+    jet,
+    named,
+)
+from symgen.models.loop.series import series_of_motion
 from symgen.scene.loop.loop import ENTRIES, Loop
 from symgen.scene.rods.linkage import TIME
 from symgen.symbolic.dual import DualVector
 from symgen.symbolic.system import Export, Group, NamedMatrix, System
 
 _FRAME = ("ix jx kx px", "iy jy ky py", "iz jz kz pz")
-_SCREW = ("wx", "wy", "wz", "vx", "vy", "vz")
 _MOMENTUM = ("px", "py", "pz", "hx", "hy", "hz")
 _WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 #: Tables of the scene that name variables, by their role.
@@ -44,8 +53,8 @@ def loop_system(loop: Loop) -> System:
     dynamics, kernels = _dynamics(model, bool(free)) if "forces" in needs else ([], [])
     steps = _steps(model, "mass" in needs)
     switches = _switches(loop)
-    if free:
-        dynamics.append(_residual(model))
+    in_series = series_of_motion(model) if free else None
+    dynamics += [in_series] if in_series else []
     derived = {m.name for m in (*motion, *dynamics)}
     _check_names(model, {*derived, *loop_outputs.OF_THE_WHOLE, *(m.name for m in steps)})
     limits, kernel_of_limits = limits_of(loop)
@@ -69,7 +78,7 @@ def loop_system(loop: Loop) -> System:
             *kernel_of_limits,
         ),
         definitions=model.names.definitions,
-        residual="motion_residual" if free else "",
+        residual=in_series.name if in_series else "",
         references=(REFERENCE,),
         sources=(*loop_outputs.sources_of(model), *LOOP),
         left_out=tuple(_left_out(model, needs)),
@@ -134,8 +143,8 @@ def _motion(model: LoopDerivation, forces: bool) -> tuple[list[NamedMatrix], lis
             "xyz",
             PLACED,
         ),
-        named("closure_jacobian", exact, "1, m", f"{about}: exact also where it is open", _SCREW, names),
-        named("screws", screws, "1, m", f"{about}, by the shorter way", _SCREW, names),
+        named("closure_jacobian", exact, "1, m", f"{about}: exact also where it is open", SCREW, names),
+        named("screws", screws, "1, m", f"{about}, by the shorter way", SCREW, names),
     ]
     position = ["closure_defect", "closure_jacobian"]
     if model.loop.having("free"):
@@ -150,13 +159,13 @@ def _motion(model: LoopDerivation, forces: bool) -> tuple[list[NamedMatrix], lis
     moving = ["screws", "screw_drift"]
     rates = paths.columns(paths.screw_rates(), count)
     matrices += [
-        named("screw_rates", rates, "1/s, m/s", f"rates of the {about}", _SCREW, names),
+        named("screw_rates", rates, "1/s, m/s", f"rates of the {about}", SCREW, names),
         named(
             "screw_drift",
             rates * sp.Matrix(model.rates),
             "rad/s^2, m/s^2",
             "terms of the rates: sum of screws times accelerations + drift = 0",
-            _SCREW,
+            SCREW,
         ),
     ]
     if forces and any(v.effort is None and v.role != "input" for v in model.variables):
@@ -223,18 +232,6 @@ def _dynamics(model: LoopDerivation, free: bool) -> tuple[list[NamedMatrix], lis
     return matrices, exports
 
 
-def _residual(model: LoopDerivation) -> NamedMatrix:
-    """Return what vanishes along a free motion with its accelerations and its closing wrench."""
-    return named(
-        "motion_residual",
-        sp.Matrix(model.residual),
-        "N*m, N, rad/s^2, m/s^2",
-        "vanishes in a free motion: known less needed efforts, prescribed less actual accelerations of "
-        "inputs, and accelerations of closure in the frame where both paths meet, negative",
-        (*(v.name for v in model.variables), *_SCREW),
-    )
-
-
 def _steps(model: LoopDerivation, mass: bool) -> list[NamedMatrix]:
     """Return the steps of the derivation that no kernel writes, in the order of the source."""
     steps = [
@@ -282,13 +279,13 @@ def _steps(model: LoopDerivation, mass: bool) -> list[NamedMatrix]:
                 "xyz",
                 PLACED,
             ),
-            _screw(f"{link}_motion", model.velocity(k), "rad/s, m/s", f"dual velocity {here}", _SCREW),
+            _screw(f"{link}_motion", model.velocity(k), "rad/s, m/s", f"dual velocity {here}", SCREW),
             _screw(
                 f"{link}_motion_rate",
                 model.acceleration(k),
                 "rad/s^2, m/s^2",
                 f"rate of the dual velocity {here}",
-                _SCREW,
+                SCREW,
             ),
         ]
         if mass:
@@ -366,7 +363,7 @@ def _closure_of_velocities(model: LoopDerivation) -> list[NamedMatrix]:
             screws.extract(list(range(6)), found),
             "1, m",
             f"A of A q' = V, the closure of velocities {where}: screws of the dependent variables",
-            _SCREW,
+            SCREW,
             [model.variables[j].name for j in found],
         ),
         named(
@@ -374,7 +371,7 @@ def _closure_of_velocities(model: LoopDerivation) -> list[NamedMatrix]:
             -screws.extract(list(range(6)), given) * rates if given else sp.zeros(6, 1),
             "rad/s, m/s",
             f"V of A q' = V {where}: less the screws of the other variables times their rates",
-            _SCREW,
+            SCREW,
         ),
     ]
 

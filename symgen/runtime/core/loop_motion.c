@@ -152,7 +152,7 @@ static void units_of_meeting(const struct loop *l, real *units) {
 
 /* Write the changes of all variables that close unit errors of closure, n rows of ROWS; times efforts, transposed, they are
    the closing wrench: its moment, then its force. */
-static void closing_changes(struct loop *l, real *changes) {
+static void closing_changes(const struct loop *l, real *changes) {
     const struct qr *f = &l->factor;
     real b[ROWS][ROWS] = {{0}};
     memset(changes, 0, (size_t)(ROWS * l->sizes.n) * sizeof(real));
@@ -221,6 +221,37 @@ static void of_input(const struct loop *l, const real *answer, long c, long stri
     }
 }
 
+/* Whether the kernel of power series takes the motion of unit inertia: see one_freedom. */
+static int has_one_freedom(const struct loop *l) {
+    return l->free == 1 && l->sizes.inputs == 0;
+}
+
+/* Write to e->factors, of one freedom: the free motion c of unit inertia; the speed; and the inverse of the matrix of the
+   inertia along and of the accelerations of closure in the meeting frame, column by column. Of motions that are not closed,
+   the inertia is that of a motion with c on its left, since links behind the meeting point move by their own path. */
+static void one_freedom(const struct loop *l, const real *u, real inertia, real *factors) {
+    const long n = l->sizes.n;
+    const real size = real_sqrt(inertia);
+    real changes[MOST * ROWS], units[ROWS * ROWS], closed[MOST * ROWS], momentum[MOST], *column = factors + n + 1;
+    for (long j = 0; j < n; j++)
+        factors[j] = l->basis[j] / size;
+    multiply_dense(1, n, n, factors, n, inertia_of(l), momentum);
+    factors[n] = 0;
+    for (long j = 0; j < n; j++)
+        factors[n] += momentum[j] * u[j], column[j] = R(0.5) * factors[j];
+    closing_changes(l, changes);
+    units_of_meeting(l, units);
+    multiply_dense(n, ROWS, ROWS, changes, ROWS, units, closed);
+    for (int c = 0; c < ROWS; c++) {
+        real part = 0;
+        column += n;
+        for (long j = 0; j < n; j++)
+            part += momentum[j] * closed[ROWS * j + c];
+        for (long j = 0; j < n; j++)
+            column[j] = closed[ROWS * j + c] - part * factors[j];
+    }
+}
+
 /* Write the inverse of the matrix of accelerations and closing wrench to e->factors, column by column. Its rows are the
    efforts of variables, for inputs their accelerations, and the accelerations of closure in the meeting frame. */
 static int invert_loop(struct equations *e, real t, const real *y) {
@@ -236,8 +267,13 @@ static int invert_loop(struct equations *e, real t, const real *y) {
     memcpy(l->efforts, l->loads, (size_t)n * sizeof(real));
     span(l);
     reduce(l);
+    const real along = l->reduced[0];
     if (!balance(l))
         return NOT_FINITE;
+    if (has_one_freedom(l)) {
+        one_freedom(l, y + n, along, e->factors);
+        return DONE;
+    }
     closing_changes(l, changes);
     answer_with(l, changes, answer);
     units_of_meeting(l, units);

@@ -19,7 +19,7 @@ static inline ptrdiff_t rows_of(long order) {
 }
 /* Coordinates that are evaluated side by side, since each operation waits for the one before; behind the last of a row are
    other numbers. */
-enum { BESIDE = 4 };
+enum { BESIDE = 4, PLACES_BESIDE = 8 };
 /* Series at y and at y_new. */
 enum { BOTH = 2 };
 
@@ -57,17 +57,17 @@ static inline void rates_of_series(const struct series *s, const wide *y, wide *
 
 /* Write the coordinates a time h after y. */
 static inline void places_of_series(const struct series *s, wide h, wide *q) {
-    for (ptrdiff_t first = 0; first < s->n; first += BESIDE) {
+    for (ptrdiff_t first = 0; first < s->n; first += PLACES_BESIDE) {
         const wide *c = s->rows + s->order * s->row + first;
-        wide place[BESIDE];
-        for (int i = 0; i < BESIDE; i++)
+        wide place[PLACES_BESIDE];
+        for (int i = 0; i < PLACES_BESIDE; i++)
             place[i] = c[i];
         for (long k = s->order; k > 0; k--) {
             c -= s->row;
-            for (int i = 0; i < BESIDE; i++)
+            for (int i = 0; i < PLACES_BESIDE; i++)
                 place[i] = place[i] * h + c[i];
         }
-        for (int i = 0; i < BESIDE && first + i < s->n; i++)
+        for (int i = 0; i < PLACES_BESIDE && first + i < s->n; i++)
             q[first + i] = place[i];
     }
 }
