@@ -83,7 +83,7 @@ def with_state(system: System, description: Description, library: Library) -> De
         description,
         start=(*begun.q.tolist(), *begun.u.tolist()),
         redundant=begun.redundant,
-        remarks=(*description.remarks, *moved(evaluator, begun.q)),
+        start_remarks=tuple(moved(evaluator, begun.q)),
     )
 
 

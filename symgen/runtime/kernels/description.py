@@ -179,7 +179,8 @@ class Description(Described):
     ``work`` of 'factor'. ``series_rows`` counts the coefficients of one order of power series in time,
     ``series_watched`` those of the kernel 'events'. ``tables`` counts the ``switches`` that are knots of
     tables, the last. ``states`` are first-order states, behind the points, with their units.
-    ``at_equilibrium``: from ``start`` runs come to rest, and start there.
+    ``at_equilibrium``: from ``start`` runs come to rest, and start there. ``start_remarks`` are those on the
+    start, for runs from it.
     """
 
     axes: tuple[str, ...]
@@ -221,6 +222,7 @@ class Description(Described):
     series_watched: int = 0
     states: dict[str, str] = field(default_factory=dict)
     at_equilibrium: bool = False
+    start_remarks: tuple[str, ...] = ()
 
     @property
     def method(self) -> str:

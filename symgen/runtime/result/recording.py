@@ -162,7 +162,9 @@ def located(evaluator: Evaluator, stepper: _core.Run) -> tuple[LocatedEvent, ...
 def notes_on_start(
     evaluator: Evaluator, start: State | None, t_end: float, redundant: tuple[int, ...]
 ) -> Iterator[str]:
-    """Yield the notes on a given start: it has no revolutions, and is projected onto the constraints."""
+    """Yield the notes on the start; on a given one that it has no revolutions, or violates constraints."""
+    if start is None:
+        yield from evaluator.description.start_remarks
     if start is not None and start.references is None and evaluator.description.windings:
         yield (
             "the given state has no revolutions: angles of loads and torsion springs count them anew, from "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -96,12 +97,11 @@ def resting(model: Any, begun: Start) -> Start:
     return replace(begun, q=rest.state.q, u=rest.state.u, rest=rest)
 
 
-def noted(d: Description, rest: Equilibrium | None) -> Description:
-    """Return a description whose remarks on the equilibrium at the start are those on this one."""
-    notes = [f"{_AT_START}: {note}" for note in rest.notes] if rest else []
+def remarks(rest: Equilibrium | None) -> Iterator[str]:
+    """Yield the notes on the equilibrium in which runs start."""
+    yield from (f"{_AT_START}: {note}" for note in (rest.notes if rest else ()))
     if rest and rest.stability == "unstable":
-        notes.append(f"{_AT_START} is unstable: rounding alone leads away from it")
-    return replace(d, remarks=(*(x for x in d.remarks if not x.startswith(_AT_START)), *notes))
+        yield f"{_AT_START} is unstable: rounding alone leads away from it"
 
 
 def at_rest(constraints: Constraints, q: Array, t: float, starting: bool = False) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -167,6 +170,7 @@ def test_an_unstable_equilibrium_is_kept_and_noted():
     run = model.simulate(0.1)
     assert run["P1.position"].values[:, 1] == pytest.approx(1.0, abs=1e-12)
     assert "the equilibrium at the start is unstable" in run.notes[0]
+    assert not model.simulate(0.1, state=model.state({"P1": [0.6, 0.8]})).notes, "this one starts elsewhere"
     near = symgen.build(chain([(0, 0), (0.1, 1)], [2.0], gravity=GRAVITY, start={"equilibrium": True}))
     assert near.initial_state().positions["P1"] == pytest.approx([0, -np.hypot(0.1, 1)], abs=1e-9)
     assert not near.simulate(0.1).notes
@@ -185,6 +189,24 @@ def test_the_note_is_that_of_the_parameters():
     assert len(model.simulate(0.1).notes) == 1
     assert model.with_parameters(k=1.1 * G).simulate(0.1).notes == ()
     assert len(model.with_parameters(k=0.8 * G).simulate(0.1).notes) == 1
+
+
+def test_threads_may_start_a_model_at_once(monkeypatch):
+    """One thread finds the equilibrium while another, which has found it, goes on."""
+    from symgen.runtime.rods import equilibrium
+
+    model = symgen.build(hung(**PUSHED)).with_parameters(m=1.5)
+    found, own = threading.Barrier(2), equilibrium.resting
+
+    def together(*args):
+        rest = own(*args)
+        found.wait(60)
+        return rest
+
+    monkeypatch.setattr(equilibrium, "resting", together)
+    with ThreadPoolExecutor(2) as pool:
+        for begin in pool.map(lambda _: model.initial_state(), range(2)):
+            assert begin.positions["A"][1] == pytest.approx(drop(1.5), abs=1e-13)
 
 
 def test_a_torsion_spring_is_wound_over_revolutions():

@@ -79,8 +79,7 @@ class GeneralModel(RodModel):
 
     def _begun(self) -> Start:
         begun = super()._begun()
-        self.description = replace(self.description, remarks=tuple(moved(self.evaluator, begun.q)))
-        del self.evaluator
+        self._note(moved(self.evaluator, begun.q))
         return begun
 
     def _coordinates(self, y: State | ArrayLike, t: ArrayLike = 0.0) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -87,13 +87,17 @@ class LinkageModel(Model):
             q, u = np.split(np.array(d.start), 2)
             begun = Start(q, u, d.redundant, d.rank_tolerance)
         if d.at_equilibrium:
-            from symgen.runtime.rods.equilibrium import noted, resting
+            from symgen.runtime.rods.equilibrium import remarks, resting
 
             begun = resting(self, begun)
-            self.description = noted(self.description, begun.rest)
-            del self.evaluator
+            self._note(remarks(begun.rest))
         self._start = begun
         return begun
+
+    def _note(self, notes: Iterable[str]) -> None:
+        """Replace the remarks on the start; runs in other threads keep their kernels."""
+        self.description = replace(self.description, start_remarks=tuple(notes))
+        self.evaluator = Evaluator(self.description, self.library, self.evaluator.parameter_values)
 
     def initial_state(self) -> State:
         """Return the state in which a run starts.
