@@ -17,9 +17,8 @@ from symgen.scene.loading import SceneText, override, read_scene, scene_path
 from symgen.scene.units import OF_ANGLES, is_quantity, parse_quantity, shown_unit, unit_in
 from symgen.study.sweeps import WrittenUnits
 
-_OPEN = r"[ \t]*\[\[?[ \t]*"
 #: The line of a table, or of an entry of a list of tables.
-_HEADER = re.compile(rf"(?P<open>{_OPEN})(?P<name>[A-Za-z_]\w*)[ \t]*(?P<end>[.\]])")
+_HEADER = re.compile(r"(?P<open>[ \t]*\[\[?[ \t]*)(?P<name>[A-Za-z_]\w*)[ \t]*(?P<end>[.\]])")
 #: Units of outputs that the unit of a dimension stands for.
 _ALSO = {"N*m": ("J",), "1/s": ("Hz",)}
 
@@ -130,19 +129,22 @@ def written(source: str | os.PathLike[str], changed: SceneText) -> str:
     import tomlkit
 
     text = scene_path(source).read_text(encoding="utf-8-sig")
-    before, after = dict(read_scene(source).data), dict(changed.data)
+    before, after, mark = dict(read_scene(source).data), dict(changed.data), "_"
+    while mark in text + str(after):
+        mark += "_"
     for name, entries in tuple(before.items()):
         if isinstance(entries, list) and len(entries) == len(after.get(name, ())):
-            text = _apart(text, name, before, after)
+            text = _apart(text, name, mark, before, after)
     document = tomlkit.parse(text)
     _update(document, before, after)
-    return re.sub(rf"^({_OPEN}\w+)-\d+\b", r"\1", tomlkit.dumps(document), flags=re.MULTILINE)
+    return re.sub(rf"{mark}\d+{mark}", "", tomlkit.dumps(document))
 
 
-def _apart(text: str, name: str, *of_scene: dict[str, Any]) -> str:
-    """Return the text of a scene in which groups of [[name]] behind other tables are called name-1 and so on.
+def _apart(text: str, name: str, mark: str, *of_scene: dict[str, Any]) -> str:
+    """Return the text of a scene in which groups of [[name]] behind other tables have names of their own.
 
-    Their entries move there in both sets of tables. tomlkit would write all groups where the first one is.
+    These are the name and a number between two marks that occur in no text. Their entries move there
+    in both sets of tables. tomlkit would write all groups where the first one is.
     """
     parts, ends = list[str](), list[int]()  # number of entries up to the end of each group
     last = ""
@@ -154,14 +156,14 @@ def _apart(text: str, name: str, *of_scene: dict[str, Any]) -> str:
                 ends[-1] += header["open"].strip() == "[[" and header["end"] == "]"
             last = header["name"]
         at = header.end("name") if header and last == name and len(ends) > 1 else 0
-        parts += [line[:at], f"-{len(ends) - 1}" * bool(at), line[at:]]
+        parts += [line[:at], f"{mark}{len(ends) - 1}{mark}" * bool(at), line[at:]]
     if len(ends) < 2 or ends[-1] != len(of_scene[0][name]):  # the second for such lines in a text
         return text
     for tables in of_scene:
         entries = tables[name]
         tables[name] = entries[: ends[0]]
         for k, (begin, end) in enumerate(pairwise(ends), 1):
-            tables[f"{name}-{k}"] = entries[begin:end]
+            tables[f"{name}{mark}{k}{mark}"] = entries[begin:end]
     return "".join(parts)
 
 

@@ -162,6 +162,9 @@ def test_a_scene_with_a_file_of_points_is_written_beside_it(tmp_path):
 def test_tables_that_others_separate_stay_where_they_are(tmp_path):
     """Lists of tables in several places, with comments between: the lines of the changed values differ alone."""
     text = """symgen = 1
+about = '''
+[2026-11-30] As in
+[fig-1], _1_.'''
 
 # The arm, and what pulls it.
 [points]
@@ -200,6 +203,10 @@ between = [
 ]
 stiffness = "1 N/m"
 length = "h"
+
+[[forces]]          # again, as the springs are
+point = "P"
+force = ["1 N", "3 N"]
 """
     source = tmp_path / "arm.toml"
     source.write_text(text, encoding="utf-8")
