@@ -57,8 +57,8 @@ def until(t_end: float | None, build: Callable[..., T], settings: dict[str, Any]
     """
     try:
         return build(set=settings)
-    except SceneError:
-        if t_end is None or not 0.0 < t_end < math.inf:
+    except SceneError as error:
+        if t_end is None or not 0.0 < t_end < math.inf or error.where == "analysis.t_end":
             raise
         return build(set={**settings, "analysis.t_end": f"{t_end!r} s"})
 

@@ -121,3 +121,8 @@ analysis.t_end = "2 s"
         code, _, said = entry(command, str(scene), *options, *end)
         assert code == 3 and "at t = 1.6 s, the last point of the table law" in said
         assert "end the motion before, with --t-end or analysis.t_end" in said
+
+
+def test_the_end_that_a_command_gives_hides_no_wrong_end_of_the_scene(entry):
+    code, _, said = entry("run", "four_bar", "--set", "analysis.t_end=3 m", "--t-end", "1")
+    assert code == 3 and "[analysis] t_end: expected a time" in said
