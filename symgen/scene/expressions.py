@@ -238,6 +238,8 @@ class _Reader:
                 return self.named(name)
             case ast.Attribute() if any("." in n for n in self.names) and (name := _dotted(node)):
                 return self.named(name)
+            case ast.Attribute() if name := _dotted(node):
+                raise self.refuse(f"may not use {name}, a quantity of the motion")
             case ast.UnaryOp(op=ast.USub(), operand=operand):
                 inner, dim = self.node(operand, depth)
                 return -inner, dim

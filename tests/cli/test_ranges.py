@@ -120,7 +120,7 @@ analysis.t_end = "2 s"
     for end in ([], ["--t-end", "1.8"]):
         code, _, said = entry(command, str(scene), *options, *end)
         assert code == 3 and "at t = 1.6 s, the last point of the table law" in said
-        assert "end the motion before, with --t-end or analysis.t_end" in said
+        assert "end the motion before, by analysis.t_end" in said
 
 
 def test_the_end_that_a_command_gives_hides_no_wrong_end_of_the_scene(entry):
