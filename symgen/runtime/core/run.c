@@ -41,6 +41,7 @@ static size_t place(struct run *run, void *memory) {
         ARENA_ARRAY(run->nodes, run->task.nodes + 1),
         ARENA_ARRAY(run->counts, run->task.nodes + 1),
         ARENA_ARRAY(run->references, samples * sizes->windings),
+        ARENA_ARRAY(run->wound, sizes->windings),
         ARENA_ARRAY(run->turned, 2 * sizes->turns),
         ARENA_ARRAY(run->turns, samples * sizes->turns),
         ARENA_ARRAY(run->farthest, switches),
@@ -400,6 +401,10 @@ int try_step(struct run *run, real h, real t_new) {
             return AGAIN;
         }
     }
+    if (status == DONE && run->scheme.adaptive && !run->scheme.kind->longest && !keeps_revolutions(run, t_new)) {
+        s->h = R(0.5) * h;
+        return AGAIN;
+    }
     return status;
 }
 
@@ -465,8 +470,8 @@ static int accepted_step(struct run *run, real *t_new, real *length) {
     const int is_limited = run->scheme.near || !is_prescribed(run);
     const int avoids = run->scheme.adaptive && run->task.stabilisation == PROJECTION && run->e->m > 0 && is_limited;
     double sound = avoids ? fmin(s->soundest, s->sound / TOO_NEAR) : 0.0;
-    if (run->scheme.adaptive && run->scheme.kind->longest)
-        s->h = real_fmin(s->h, run->scheme.kind->longest(run));
+    if (run->scheme.adaptive)
+        s->h = run->scheme.kind->longest ? real_fmin(s->h, run->scheme.kind->longest(run)) : within_revolutions(run, s->h);
     if (run->task.max_step > 0.0)
         s->h = real_fmin(s->h, R(run->task.max_step));
     for (;;) {

@@ -201,6 +201,7 @@ struct run {
                                     state is kept up to it, and the method starts anew there; -1: steps of the
                                     method's own choice */
     real *references;            /* references of angles in loads, one row per sample */
+    real *wound;                 /* angles in loads at y, scratch */
     real *turned, *turns;        /* continuous angles of links and their rates at y; these angles at samples */
     void *own;                   /* data of the method of the present steps, one of these: */
     void *owns[2];               /* of the given one, and of that near a loss of rank */
@@ -351,6 +352,10 @@ void release_switches(struct run *run);
 /* Update the references of angles in loads, and the continuous angles of links, for y at the end t of the present step.
    They belong to the next recorded sample. */
 void follow_windings(struct run *run, real t);
+/* The part of h in which angles in loads stay near their references by their rates at y; and whether they are there at
+   y_new. */
+real within_revolutions(struct run *run, real h);
+int keeps_revolutions(struct run *run, real t_new);
 void keep_windings(struct run *run);
 
 /* The kind of that name, NULL if unknown. */

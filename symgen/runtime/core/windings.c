@@ -3,7 +3,8 @@
  * Angles in loads: an angle is a reference plus the difference from it of least magnitude. The reference is a
  * parameter, 0 outside runs, constant in a step. After a step it is moved within a quarter revolution of the angle.
  * This changes the angle by rounding only, if no step rotates by more than a quarter revolution. Steps of power series
- * end before an angle is half a revolution away from its reference.
+ * end before an angle is half a revolution away from its reference; so do other steps within a tolerance, by its
+ * rate at their start and its value at their end.
  *
  * Recorded angles of links: from step to step, and from the step's start to a sample in it, an angle is continued by
  * the number of revolutions for which its change is nearest to that of its power series; for a method without one, to
@@ -53,17 +54,61 @@ static void follow_turns(struct run *run, real after) {
     memcpy(run->turned + turns, links(run) + turns, (size_t)turns * sizeof(real));
 }
 
+/* A quarter of a revolution [rad]. */
+#define QUARTER R(1.570796326794896619231321691639751442L)
+/* Part of a step over which rates of angles in loads are differences. */
+#define RATE_OVER R(1e-3)
+
+static int is_wound(const struct run *run) {
+    return run->e->sizes.windings > 0 && !run->e->sizes.choices;
+}
+
+/* Angles in loads at the last look. */
+static const real *angles(const struct equations *e) {
+    return e->gaps + e->sizes.events + e->sizes.switches;
+}
+
+real within_revolutions(struct run *run, real h) {
+    const long windings = run->e->sizes.windings, n = run->e->n;
+    const real t = run->state->t, after = RATE_OVER * h, *reference = references_of_angles(run->e);
+    real part = 1;
+    if (!is_wound(run))
+        return h;
+    look_at_events(run->e, t, run->y);
+    memcpy(run->wound, angles(run->e), (size_t)windings * sizeof(real));
+    memcpy(run->stage, run->y, (size_t)run->dim * sizeof(real));
+    for (long i = 0; i < n; i++)
+        run->stage[i] += after * run->y[n + i];
+    look_at_events(run->e, t + after, run->stage);
+    for (long k = 0; k < windings; k++) {
+        const real rotation = (angles(run->e)[k] - run->wound[k]) / RATE_OVER, away = run->wound[k] - reference[k];
+        const real left = R(1.5) * QUARTER - (rotation > 0 ? away : -away);
+        if (part * real_fabs(rotation) > left)
+            part = left / real_fabs(rotation);
+    }
+    return part * h;
+}
+
+int keeps_revolutions(struct run *run, real t_new) {
+    if (!is_wound(run))
+        return 1;
+    look_at_events(run->e, t_new, run->y_new);
+    for (long k = 0; k < run->e->sizes.windings; k++)
+        if (real_fabs(angles(run->e)[k] - references_of_angles(run->e)[k]) > R(1.75) * QUARTER)
+            return 0;
+    return 1;
+}
+
 int follow_references(struct equations *e) {
     const struct sizes *sizes = &e->sizes;
-    const real quarter = R(1.570796326794896619231321691639751442L);
     real *reference = references_of_angles(e);
-    const real *angle = e->gaps + sizes->events + sizes->switches;
+    const real *angle = angles(e);
     int moved = 0;
     for (long k = 0; k < sizes->windings; k++) {
-        if (!(real_fabs(angle[k] - reference[k]) > quarter))
+        if (!(real_fabs(angle[k] - reference[k]) > QUARTER))
             continue;
         /* whole quarters, so that samples of a run share few references */
-        reference[k] = R(rint((double)(angle[k] / quarter))) * quarter;
+        reference[k] = R(rint((double)(angle[k] / QUARTER))) * QUARTER;
         moved = 1;
     }
     if (moved)

@@ -156,6 +156,20 @@ def test_a_load_written_with_an_angle_winds_over_revolutions(name):
     assert result["arm.angle"].values == pytest.approx(9 * (1 - np.cos(result.time)), abs=1e-6)
 
 
+@pytest.mark.parametrize("method", ["dop853", "dopri5", "radau5", "taylor"])
+def test_steps_within_loose_tolerances_keep_the_revolutions_of_loads(method):
+    """The same swing by 40 rad, of which steps of dop853 within 1e-3 would rotate by more than half a revolution."""
+    torque = {"link": "arm", "torque": "-k*arm.angle"}
+    scene = _arm(
+        parameters={"k": "0.5 N*m"},
+        torques=[torque],
+        start={"rates": {"arm": "40 rad/s"}},
+        analysis={"t_end": "6 s", "outputs": ["arm.angle"]},
+    )
+    result = symgen.build(scene).simulate(method=method, rtol=1e-3, atol=1e-5, samples=8)
+    assert result["arm.angle"].values == pytest.approx(40.0 * np.sin(result.time), abs=1.0)
+
+
 def test_references_of_angles_are_no_parameters(tmp_path):
     scene = tmp_path / "spring.toml"
     scene.write_text("""
