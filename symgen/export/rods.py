@@ -66,8 +66,8 @@ def rods(model: RodModel, program: Program, sources: tuple[SourceFile, ...]) -> 
     state = model.initial_state()
     if state.references is not None and np.any(state.references):
         raise ModelError(
-            f"{d.name} starts in an equilibrium with an angle of a load beyond half a revolution: exported "
-            "programs count such angles from within\n  Shift the free angle of the spring, or leave out "
+            f"{d.name} starts in an equilibrium with an angle of a load beyond half a revolution, where "
+            "exported programs cannot start\n  Shift the free angle of the spring, or leave out "
             "start.equilibrium."
         )
     extra = int(d.work_of_loads)
