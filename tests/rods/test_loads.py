@@ -288,8 +288,8 @@ BAD = {
     "state of another": ({"forces": [{"point": "A", "force": ["k*this.length/l", "0 N"]}]}, "forces.0.force.0", "this.length"),
     "rate for angle": ({"torques": [{"link": "OA", "torque": "k*l*sin(this.rate)"}]}, "torques.0.torque", "an angular velocity"),
     "space in plane": ({"torques": [{"link": "OA", "torque": ["1 N*m", "0 N*m"]}]}, "torques.0.torque", "one torque"),
-    "state in a mass": ({"masses": [{"point": "A", "mass": "A.x"}]}, "masses.0.mass", "Attribute"),
-    "state in a drive": ({"drivers": [{"link": "OA", "angle": "OA.angle"}]}, "drivers.0.angle", "Attribute"),
+    "state in a mass": ({"masses": [{"point": "A", "mass": "A.x"}]}, "masses.0.mass", "may not use A.x"),
+    "state in a drive": ({"drivers": [{"link": "OA", "angle": "OA.angle"}]}, "drivers.0.angle", "may not use OA.angle"),
 }  # fmt: skip
 
 

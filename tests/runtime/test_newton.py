@@ -130,8 +130,8 @@ def test_python_has_one_loop_of_corrections_but_for_known_ones():
 #: What bounds loops of the core: numbers of corrections; sizes of arrays and numbers of other attempts.
 BOUNDS = {"STEPS", "w->most"}
 OTHER_BOUNDS = {
-    "ATTEMPTS", "BESIDE", "BLOCK", "HALVINGS", "HOPELESS", "IDLE", "MOTION", "NARROWINGS", "PASSES", "RATE_PROJECTIONS", "REFINEMENTS",
-    "ROWS", "SHIFTS", "STAGES", "STEP_PROBES", "TOGETHER", "WIDTH",
+    "ATTEMPTS", "BESIDE", "BLOCK", "HALVINGS", "HOPELESS", "IDLE", "MOTION", "NARROWINGS", "PASSES", "PLACES_BESIDE", "RATE_PROJECTIONS",
+    "REFINEMENTS", "ROWS", "SHIFTS", "STAGES", "STEP_PROBES", "TOGETHER", "WIDTH",
 }  # fmt: skip
 
 
