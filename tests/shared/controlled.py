@@ -77,3 +77,18 @@ SPATIAL_PENDULUM = symgen.Scene(
     gravity={"acceleration": [0, 0, f"{-G!r} m/s^2"]},
     forces=[{"point": "P", "force": ["F", "H", "0 N"]}],
 )
+
+#: A mass of 2 kg on a rail under a force, with an event at 0.25 m, and one at 4.5 m that ends runs.
+PUSHED_MASS = symgen.Scene(
+    inputs={"F": "0 N"},
+    points={"A": ground(0, 0), "B": ground(1, 0), "P": at(0, 0)},
+    links={"rail": {"points": ["A", "B"]}},
+    masses=[{"point": "P", "mass": "2 kg"}],
+    guides=[{"points": ["P"], "along": "rail"}],
+    forces=[{"point": "P", "force": ["F", "0 N"]}],
+    events=[
+        {"name": "first", "of": "P.x", "value": "0.25 m"},
+        {"name": "last", "of": "P.x", "value": "4.5 m", "ends_run": True},
+    ],
+    analysis={"outputs": ["P.position"], "t_end": "9 s"},
+)

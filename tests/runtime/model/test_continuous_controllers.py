@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from shared import double_pendulum
-from shared.controlled import CART, CART_POLE, POLE, cart_pole, four_bar_with_torque
-from shared.linkages import G, at, ground
+from shared.controlled import CART, CART_POLE, POLE, PUSHED_MASS, cart_pole, four_bar_with_torque
+from shared.linkages import G
 
 import symgen
 from symgen.errors import ModelError, SimulationError
@@ -160,18 +160,8 @@ def test_parameters_of_a_user_defined_system_may_follow_from_its_state():
 
 def test_events_end_a_run():
     """A mass of 2 kg on a rail, pushed by 8 N (1 + t): x = 2 t^2 + (2/3) t^3."""
-    scene = symgen.Scene(
-        inputs={"F": "0 N"},
-        points={"A": ground(0, 0), "B": ground(1, 0), "P": at(0, 0)},
-        links={"rail": {"points": ["A", "B"]}},
-        masses=[{"point": "P", "mass": "2 kg"}],
-        guides=[{"points": ["P"], "along": "rail"}],
-        forces=[{"point": "P", "force": ["F", "0 N"]}],
-        events=[{"name": "last", "of": "P.x", "value": "4.5 m", "ends_run": True}],
-        analysis={"outputs": ["P.position"], "t_end": "9 s"},
-    )
-    run = symgen.build(scene).simulate(controller=lambda t, _: {"F": 8.0 * (1.0 + t)}, samples=10)
-    (end,) = run.events
+    run = symgen.build(PUSHED_MASS).simulate(controller=lambda t, _: {"F": 8.0 * (1.0 + t)}, samples=10)
+    _, end = run.events
     assert 2.0 * end.time**2 + 2.0 / 3.0 * end.time**3 == pytest.approx(4.5, abs=1e-8)
 
 

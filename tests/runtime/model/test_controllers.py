@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
-from shared.controlled import CART, CART_POLE, POLE, SPATIAL_PENDULUM, cart_pole
+from shared.controlled import CART, CART_POLE, POLE, PUSHED_MASS, SPATIAL_PENDULUM, cart_pole
 from shared.linkages import G, at, ground, rod
 
 import symgen
@@ -131,26 +131,13 @@ def test_energy_changes_by_the_work_of_the_controller(cart):
 
 def test_a_run_records_events_and_ends_at_one():
     """A mass of 2 kg on a rail, pushed by 4 N, then 8 N: x = t^2, then 1 + 2 (t - 1) + 2 (t - 1)^2."""
-    scene = symgen.Scene(
-        inputs={"F": "0 N"},
-        points={"A": ground(0, 0), "B": ground(1, 0), "P": at(0, 0)},
-        links={"rail": {"points": ["A", "B"]}},
-        masses=[{"point": "P", "mass": "2 kg"}],
-        guides=[{"points": ["P"], "along": "rail"}],
-        forces=[{"point": "P", "force": ["F", "0 N"]}],
-        events=[
-            {"name": "first", "of": "P.x", "value": "0.25 m"},
-            {"name": "last", "of": "P.x", "value": "4.5 m", "ends_run": True},
-        ],
-        analysis={"outputs": ["P.position"], "t_end": "9 s"},
-    )
     calls = []
 
     def push(t, view):
         calls.append((t, view.t, view.y[0], view.parameters["F"], view.outputs, view.state.positions["P"][0]))
         return {"F": 4 if t < 1 else np.float32(8)}
 
-    run = symgen.build(scene).simulate(controller=push, sample=0.25, samples=10)
+    run = symgen.build(PUSHED_MASS).simulate(controller=push, sample=0.25, samples=10)
     assert [e.name for e in run.events] == ["first", "last"]
     assert [e.time for e in run.events] == pytest.approx([0.5, 1 + (np.sqrt(8) - 1) / 2], abs=1e-9)
     assert run["P.position"].values[:, 0] == pytest.approx([0.0, 1.0], abs=1e-9)
