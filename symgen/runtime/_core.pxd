@@ -28,6 +28,7 @@ cdef class Memory:
 
 cdef Memory memory_of(size_t structure, size_t bytes)
 cdef kernel_t kernel_of(object addresses, str name)
+cdef kernels kernels_of(object addresses)
 cdef const lane_functions *functions_of(Py_ssize_t lanes) except NULL
 cdef int interrupted() noexcept nogil
 cdef int at_least(str what, Py_ssize_t found, Py_ssize_t needed) except -1

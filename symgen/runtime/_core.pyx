@@ -99,6 +99,20 @@ cdef kernel_t kernel_of(object addresses, str name):
     return <kernel_t><uintptr_t>addresses.get(name, 0)
 
 
+cdef kernels kernels_of(object addresses):
+    """Return the kernels of a model by name but those of implicit methods; absent kernels are NULL."""
+    cdef kernels functions
+    functions.tangent = functions.tangent_setup = NULL
+    functions.accelerations = kernel_of(addresses, "accelerations")
+    functions.factor, functions.solve = kernel_of(addresses, "factor"), kernel_of(addresses, "solve")
+    functions.constraints = kernel_of(addresses, "constraints")
+    functions.velocity_constraints = kernel_of(addresses, "velocity_constraints")
+    functions.energy, functions.residual = kernel_of(addresses, "energy"), kernel_of(addresses, "residual")
+    functions.events, functions.series = kernel_of(addresses, "events"), kernel_of(addresses, "series")
+    functions.setup = kernel_of(addresses, "setup")
+    return functions
+
+
 cdef const lane_functions *functions_of(Py_ssize_t lanes) except NULL:
     """Return the functions for vectors of so many doubles; raise ValueError if absent."""
     cdef const lane_functions *functions = (<Core>DOUBLE).api.lanes(lanes)
@@ -567,19 +581,13 @@ cdef class KernelEquations(Integrable):
                  double slack, *, long series_rows=0, long series_watched=0, Core core=DOUBLE, long events=0,
                  long switches=0, long tables=0, long windings=0, long turns=0, tangent: ArrayLike = (),
                  tangent_library: Library | None = None, double stabilisation=0.0, long couples=0):
-        cdef kernels functions
+        cdef kernels functions = kernels_of(library.addresses)
         cdef sizes wanted
         addresses = library.addresses
         tangents = tangent_library.addresses if tangent_library is not None else {}
         if not (addresses.get("accelerations") and addresses.get("energy")):
             raise ValueError("expected a model with the kernels 'accelerations' and 'energy'")
-        functions.accelerations = kernel_of(addresses, "accelerations")
-        functions.factor, functions.solve = kernel_of(addresses, "factor"), kernel_of(addresses, "solve")
-        functions.constraints = kernel_of(addresses, "constraints")
-        functions.velocity_constraints = kernel_of(addresses, "velocity_constraints")
-        functions.energy, functions.residual = kernel_of(addresses, "energy"), kernel_of(addresses, "residual")
-        functions.events, functions.tangent = kernel_of(addresses, "events"), kernel_of(tangents, "tangent")
-        functions.setup, functions.tangent_setup = kernel_of(addresses, "setup"), kernel_of(tangents, "setup")
+        functions.tangent, functions.tangent_setup = kernel_of(tangents, "tangent"), kernel_of(tangents, "setup")
         wanted.n, wanted.m, wanted.extra, wanted.parameters = n, m, extra, p.shape[0]
         wanted.couples = couples
         wanted.derived = library.derived
@@ -590,7 +598,6 @@ cdef class KernelEquations(Integrable):
         wanted.tables = tables if functions.events != NULL else 0
         wanted.windings = windings if functions.events != NULL else 0
         wanted.turns = turns if functions.events != NULL else 0
-        functions.series = kernel_of(addresses, "series")
         wanted.series_rows = series_rows if functions.series != NULL else 0
         wanted.series_watched = series_watched if functions.series != NULL else 0
         wanted.choices = 0

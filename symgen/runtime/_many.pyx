@@ -10,12 +10,12 @@ from libc.string cimport memcmp, memcpy, memset
 
 from symgen.runtime._core cimport (
     Core, KernelEquations, Memory, Scheme, _DONE, _MORE, at_least, core_api, equations, functions_of, interrupted, kernel_of,
-    kernel_t, kernels, memory_of, report, run, scheme as scheme_t, task,
+    kernel_t, kernels, kernels_of, memory_of, report, run, scheme as scheme_t, task,
 )
 from symgen.runtime._start cimport (
     Starter, start, start_kernels, start_sizes, start_api, _ON_THE_WAY, _STARTED,
 )
-from symgen.runtime._headers cimport lane_sizes, lane_runs, lane_runs_api
+from symgen.runtime._headers cimport lane_runs, lane_runs_api, sizes as sizes_of_model
 
 from symgen.calls import raise_failure
 from symgen.runtime._core import DOUBLE
@@ -87,7 +87,7 @@ cdef class Lanes:
     """
 
     cdef readonly Py_ssize_t lanes
-    cdef lane_sizes sizes
+    cdef sizes_of_model sizes
     cdef kernels functions
     cdef const lane_runs_api *api
     cdef lane_runs *core
@@ -97,20 +97,12 @@ cdef class Lanes:
     cdef char[::1] failed, found
 
     def __init__(self, library: Library, KernelEquations equations, Py_ssize_t lanes):
-        addresses = library.addresses
         self.library, self.lanes = library, lanes
-        self.api = functions_of(lanes).runs
-        self.functions.accelerations, self.functions.factor = kernel_of(addresses, "accelerations"), kernel_of(addresses, "factor")
-        self.functions.solve, self.functions.constraints = kernel_of(addresses, "solve"), kernel_of(addresses, "constraints")
-        self.functions.velocity_constraints = kernel_of(addresses, "velocity_constraints")
-        self.functions.energy, self.functions.residual = kernel_of(addresses, "energy"), kernel_of(addresses, "residual")
-        self.functions.setup, self.functions.series = kernel_of(addresses, "setup"), kernel_of(addresses, "series")
-        self.sizes.n, self.sizes.m = equations.n, equations.m
-        self.sizes.extra, self.sizes.parameters = equations.extra, equations.core.sizes.parameters
-        self.sizes.derived, self.sizes.work = library.derived, equations.core.sizes.work
-        self.sizes.first_pivot = equations.core.sizes.first_pivot
-        self.sizes.series_rows = equations.core.sizes.series_rows if self.functions.series != NULL else 0
-        self.sizes.rank_tolerance = equations.core.sizes.rank_tolerance
+        self.api, self.functions = functions_of(lanes).runs, kernels_of(library.addresses)
+        self.sizes = equations.core.sizes
+        self.sizes.derived = library.derived
+        if self.functions.series == NULL:
+            self.sizes.series_rows = 0
 
     cdef int bound(self, const scheme_t *method, const task *asked) except -1:
         """Allocate memory for runs by a method."""

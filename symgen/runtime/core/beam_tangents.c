@@ -115,7 +115,7 @@ static void find_multipliers(const struct beams *b) {
     solve_dense_transposed(m, b->pivoted, b->swaps, x->multipliers);
 }
 
-static void load(const struct beams *b, const real *p, const real *v, const real *a, long columns, real *rhs, ptrdiff_t lead,
+static void find_load(const struct beams *b, const real *p, const real *v, const real *a, long columns, real *rhs, ptrdiff_t lead,
                  ptrdiff_t stride) {
     const struct beam_tangents *x = b->tangents;
     const ptrdiff_t n = b->whole, m = b->layout.counts.constraints, joints = n - b->inner;
@@ -151,7 +151,7 @@ static void open(const struct beams *b, int derivative, const real *p, const rea
 }
 
 size_t beams_carry(struct beams *b, struct beam_tangents *x, void *memory) {
-    static const struct tangents_behaviour behaviour = {prepare, load, open};
+    static const struct tangents_behaviour behaviour = {prepare, find_load, open};
     const ptrdiff_t times = MOST_STAGES + 1, m = b->layout.counts.constraints;
     const struct arena_array arrays[] = {
         ARENA_ARRAY(x->at, times),

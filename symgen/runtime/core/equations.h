@@ -8,7 +8,7 @@
 
 #include <stddef.h>
 
-#include "real.h"
+#include "wide.h"
 
 /* Status of steps, projections and factorisations. */
 enum status {
@@ -25,9 +25,6 @@ enum status {
     AGAIN,      /* adaptive methods only: the step failed, try state->shrink times its length */
     SLIDING     /* the motion stays at a switching point: neither branch of a load leaves it, or a drive jumps there */
 };
-
-/* A generated kernel; its header lists the arguments that it reads. */
-typedef void (*kernel)(const real *t, const real *q, const real *u, const real *p, real *work, real *out);
 
 /* Kernels of a model; absent kernels are NULL. `accelerations` and `energy` are needed.
  * New kernels are appended: their order is that of KERNELS in the binding. */
@@ -122,17 +119,22 @@ struct equations;
 /* Operations that a run needs of equations. Models of rods use `kernel_behaviour`; loops and elastic linkages (double
  * only) define their own, with `owner`. */
 struct behaviour {
+    /* Leave accelerations and multipliers in e->out. */
     void (*accelerate)(struct equations *e, real t, const real *y);
+    /* Write dy/dt. */
     void (*derivative)(struct equations *e, real t, const real *y, real *dy);
     real (*position_error)(struct equations *e, real t, const real *y);
     real (*velocity_error)(struct equations *e, real t, const real *y);
     int (*factorise)(struct equations *e, real t, const real *y);
     /* The account of the pivots at y, as by `factorise`, but the last factor stays; NULL: it does not. */
     int (*look)(struct equations *e, real t, const real *y);
+    /* Project positions and velocities onto the constraints by mass-weighted steps with one factor. */
     int (*project)(struct equations *e, real t, real *y);
     int (*project_places)(struct equations *e, real t, real *y); /* NULL if positions and velocities are projected
                                                                     together */
+    /* Project `change`, of q or of u at y, onto the tangent space of the constraints, with the last factor. */
     void (*make_tangent)(struct equations *e, real t, const real *y, real *change);
+    /* Leave kinetic and potential energy, and the power of loads without potential, in e->energies. */
     void (*measure_energy)(struct equations *e, real t, const real *y);
     /* Change to alternative coordinates if the usual ones are near a pole at `seen`, rewrite y, and return whether
        they changed; with `back`, return to the usual ones away from poles. Called if sizes.choices is not zero. */
@@ -159,18 +161,32 @@ struct equations {
     long revision;           /* counts changes of parameters and of the memory: what was computed before is void */
     size_t bytes;            /* of the memory below */
     struct account *account; /* at the start of that memory, which contains no pointers */
-    real *p;                 /* parameters, and behind them the results of `setup` */
-    real *tangent_p;         /* the same for the kernel `tangent` */
-    real *work, *factors;    /* work of `accelerations`, and of `factor` */
-    real *out;               /* (q'', lambda) after accelerate; (Phi, scales) after position_error */
-    real *rates;             /* dPhi/dt after velocity_error */
-    real *rhs;               /* right-hand sides and solutions, n + m */
-    real *energies;          /* kinetic, potential, power of loads without potential */
-    real *before, *zero;     /* n each */
-    real *errors;            /* (Phi, scales) of Baumgarte's terms */
-    real *gaps;              /* values of `events` after look_at_events */
+    wide *p;                 /* parameters, and behind them the results of `setup` */
+    wide *tangent_p;         /* the same for the kernel `tangent` */
+    wide *work, *factors;    /* work of `accelerations`, and of `factor` */
+    wide *out;               /* (q'', lambda) after accelerate; (Phi, scales) after position_error */
+    wide *rates;             /* dPhi/dt after velocity_error */
+    wide *rhs;               /* right-hand sides and solutions, n + m */
+    wide *energies;          /* kinetic, potential, power of loads without potential */
+    wide *before, *zero;     /* n each */
+    wide *errors;            /* (Phi, scales) of Baumgarte's terms */
+    wide *gaps;              /* values of `events` after look_at_events */
     char *dropped;           /* constraints found dependent by the last factorisation */
 };
+
+/* A correction of the positions of y at t by the factor of (t_factor, y_factor), and of velocities over a part of length
+   h of a step unless h is zero. */
+struct correction {
+    struct equations *e;
+    wide t_factor;
+    const wide *y_factor;
+    wide t;
+    real h;
+    wide *y;
+};
+
+/* The functions of equations of a single mechanism; those of lanes are in the file that uses them, see equation_steps.h. */
+#if WIDTH == 1
 
 /* Bytes of memory for equations of these sizes, without the struct itself. */
 size_t equations_bytes(const struct sizes *sizes);
@@ -185,15 +201,11 @@ void set_up(struct equations *e);
 /* Call a set-up kernel, if present, on the parameters p. */
 void set_up_with(kernel setup, long parameters, real *p);
 
-/* The shortest scale of the constraints at the last projection: a length of a link or 1 m. Infinite for loops and
-   elastic links. */
+/* The shortest scale of the constraints at the last projection: a length of a link or 1 m. */
 real shortest_scale(const struct equations *e);
 
 /* Leave accelerations and multipliers in e->out, refined where the model has a residual. */
 void accelerate(struct equations *e, real t, const real *y);
-
-/* Write dy/dt; with Baumgarte's terms when sizes.stabilisation is above zero. */
-void derivative(struct equations *e, real t, const real *y, real *dy);
 
 /* Return the largest error of an independent constraint over its scale [m]; leave (0, -Phi) in e->rhs. */
 real position_error(struct equations *e, real t, const real *y);
@@ -209,40 +221,25 @@ real velocity_error(struct equations *e, real t, const real *y);
 /* Factorise [M J^T; J 0] at y into e->factors and watch the pivots: DONE, SINGULAR or NOT_FINITE. */
 int factorise(struct equations *e, real t, const real *y);
 
-/* Watch the pivots at y alone: e->work has that factor. */
-int look(struct equations *e, real t, const real *y);
-
 /* Solve [M J^T; J 0] x = b in place, b of n + m reals, with the last factor. */
 void solve_factored(struct equations *e, real t, const real *y, real *b);
 
-/* Project positions and velocities onto the constraints by mass-weighted steps with one factor. project_positions and
-   project_velocities use the last factor; the latter expects positions on the constraints. */
-int project(struct equations *e, real t, real *y);
-int project_places(struct equations *e, real t, real *y);
-int project_positions(struct equations *e, real t, real *y);
+/* Project the velocities of y onto the constraints with the last factor; positions are on the constraints. */
 int project_velocities(struct equations *e, real t, real *y);
 
-/* A correction of the positions of y at t by the factor of (t_factor, y_factor), and of velocities over a part of length
-   h of a step unless h is zero: a step of Newton's method, see newton.h. Positions before it are left in e->before. */
-struct correction {
-    struct equations *e;
-    real t_factor;
-    const real *y_factor;
-    real t, h, *y;
-};
+/* A correction of positions: a step of Newton's method, see newton.h. Positions before it are left in e->before. */
 struct newton;
 real correct_positions(void *of, struct newton *w);
-
-/* Project `change`, of q or of u at y, onto the tangent space of the constraints, with the last factor. */
-void make_tangent(struct equations *e, real t, const real *y, real *change);
-
-/* Leave kinetic and potential energy, and the power of loads without potential, in e->energies. */
-void measure_energy(struct equations *e, real t, const real *y);
 
 /* references_of_angles: the references of angles in loads, among the parameters. The second function brings them
    within a quarter revolution of the angles at the last evaluation of events, and returns whether any changed. */
 real *references_of_angles(const struct equations *e);
 int follow_references(struct equations *e);
+
+/* Leave the values of all events in e->gaps. */
+void look_at_events(struct equations *e, real t, const real *y);
+
+#endif
 
 /* Ctrl-C in long loops: they ask in every ASKED-th turn, and end early if the answer is not zero; the caller then raises
    the exception. Without a function they do not ask. */
@@ -252,8 +249,5 @@ extern int (*core_interrupted)(void);
 static inline int is_interrupted(ptrdiff_t turn) {
     return turn % ASKED == ASKED - 1 && core_interrupted != NULL && core_interrupted();
 }
-
-/* Leave the values of all events in e->gaps. */
-void look_at_events(struct equations *e, real t, const real *y);
 
 #endif

@@ -11,20 +11,13 @@
 
 #include "run.h"
 
-struct lane_sizes {
-    ptrdiff_t n, m, extra;      /* as in struct sizes, like all below */
-    ptrdiff_t parameters, derived, work, first_pivot;
-    ptrdiff_t series_rows; /* 0 for explicit steps */
-    double rank_tolerance;
-};
-
 struct lane_runs;
 
 struct lane_runs_api {
     size_t lanes_struct;
-    size_t (*bytes)(const struct lane_sizes *sizes, const struct scheme *scheme);
-    /* The memory starts at a multiple of 64 bytes. */
-    void (*bind)(struct lane_runs *l, const struct lane_sizes *sizes, const struct kernels *kernels,
+    size_t (*bytes)(const struct sizes *sizes, const struct scheme *scheme);
+    /* The memory is zero and starts at a multiple of 64 bytes; series_rows are 0 for explicit steps. */
+    void (*bind)(struct lane_runs *l, const struct sizes *sizes, const struct kernels *kernels,
                  const struct scheme *scheme, const struct task *task, void *memory);
     /* Carry out one run per lane of `most` steps at most, from rows of parameters and of states y0. `samples` receives
      * task.samples rows of states for each lane, `drifts` the largest errors of constraints and of energy, `failed`

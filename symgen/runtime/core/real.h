@@ -70,6 +70,9 @@ static inline real real_fmin(real a, real b) {
     return b < a ? b : a;
 }
 
+/* A generated kernel; its header lists the arguments that it reads. */
+typedef void (*kernel)(const real *t, const real *q, const real *u, const real *p, real *work, real *out);
+
 /* Rows are dependent if a pivot over the largest is smaller. */
 #define RANK_TOLERANCE real_fmax(R(1e-9), R(100) * REAL_EPSILON)
 

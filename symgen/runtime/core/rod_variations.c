@@ -36,7 +36,7 @@ static void begin(struct variations *v) {
 }
 
 /* Write the results of a kernel, with (a, lambda) = w, to v->out. */
-static void call(struct variations *v, kernel of, real t, const real *y, const real *w) {
+static void call_along(struct variations *v, kernel of, real t, const real *y, const real *w) {
     struct equations *e = v->e;
     memcpy(v->work, w, (size_t)(e->n + e->m) * sizeof(real));
     of(&t, y, y + e->n, v->p, v->work, v->out);
@@ -118,17 +118,17 @@ static void stage(struct variations *v, real t, const real *state) {
         return;
     }
     memset(v->right, 0, (size_t)((n + e->m) * k) * sizeof(real));
-    call(v, v->kernels.stage, t, state, e->out);
+    call_along(v, v->kernels.stage, t, state, e->out);
     add_slopes(v, OF_RESIDUAL, R(1), v->by_stage, NULL, v->right);
     invert(v, t, state, e->work, rows);
     solve_columns(v, t, state, e->work, rows, 0);
 }
 
 static void integrate(struct variations *v, real t, const real *state, real weight) {
-    call(v, v->kernels.integrands, t, state, v->e->out);
+    call_along(v, v->kernels.integrands, t, state, v->e->out);
     add_multiple(v->sizes.integrals, weight, v->out, v->sums);
     if (v->kernels.integrand_slopes != NULL) {
-        call(v, v->kernels.integrand_slopes, t, state, v->e->out);
+        call_along(v, v->kernels.integrand_slopes, t, state, v->e->out);
         add_slopes(v, OF_INTEGRANDS, weight, v->by_stage, v->solved, v->summed);
     }
 }
@@ -139,7 +139,7 @@ static int close_tangents(struct variations *v, real t, const real *y) {
     int status = factorise(e, t, y);
     if (status != DONE)
         return status;
-    call(v, v->kernels.closing, t, y, v->still);
+    call_along(v, v->kernels.closing, t, y, v->still);
     invert(v, t, y, e->factors, n);
     for (int rates = 0; rates < 2; rates++) {
         memset(v->right, 0, (size_t)((n + e->m) * k) * sizeof(real));
@@ -157,7 +157,7 @@ static int open_seed(struct variations *v, real t, const real *y) {
     int status = factorise(e, t, y);
     if (status != DONE)
         return status;
-    call(v, v->kernels.closing, t, y, v->still);
+    call_along(v, v->kernels.closing, t, y, v->still);
     for (int rates = 1; rates >= 0; rates--) {
         memcpy(e->rhs, v->seed + (rates ? n : 0), (size_t)n * sizeof(real));
         memset(e->rhs + n, 0, (size_t)e->m * sizeof(real));
@@ -182,12 +182,12 @@ static void stage_back(struct variations *v, long s, real t, const real *seed, r
     memcpy(e->rhs, seed + n, (size_t)n * sizeof(real));
     memset(e->rhs + n, 0, (size_t)e->m * sizeof(real));
     if (v->kernels.integrand_slopes != NULL && weight != 0) {
-        call(v, v->kernels.integrand_slopes, t, state, w);
+        call_along(v, v->kernels.integrand_slopes, t, state, w);
         add_transposed(v, OF_INTEGRANDS, weight, v->weights, back, e->rhs, v->gradient);
     }
     if (v->kernels.stage != NULL) {
         e->kernels.solve(&t, state, state + n, e->p, v->factors + s * (e->sizes.work + 1), e->rhs);
-        call(v, v->kernels.stage, t, state, w);
+        call_along(v, v->kernels.stage, t, state, w);
         add_transposed(v, OF_RESIDUAL, R(1), e->rhs, back, NULL, v->gradient);
     }
 }

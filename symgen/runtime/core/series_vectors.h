@@ -2,17 +2,17 @@
 
 /* One of the two series. */
 static struct series series_of(const struct lane_runs *l, long which) {
-    const ptrdiff_t row = l->sizes.series_rows, work = l->sizes.extra ? row - 1 : -1;
-    return (struct series){l->sizes.n, row, work, l->series.order, l->series.rows + which * rows_of(l->series.order) * row};
+    const ptrdiff_t row = l->e.sizes.series_rows, work = l->e.extra ? row - 1 : -1;
+    return (struct series){l->e.n, row, work, l->series.order, l->series.rows + which * rows_of(l->series.order) * row};
 }
 
 /* As `expand` of taylor.c. */
 static void expand_lanes(struct lane_runs *l, long which, wide t, const wide *y) {
     const struct series s = series_of(l, which);
-    const wide at[] = {t, all(R(s.order - 1 + l->sizes.extra))};
+    const wide at[] = {t, all(R(s.order - 1 + l->e.extra))};
     lane_factor(l, t, y);
     begin_series(&s, y);
-    call(l->kernels.series, at, NULL, NULL, l->p, l->factors, s.rows);
+    call(l->e.kernels.series, at, NULL, NULL, l->e.p, l->e.factors, s.rows);
     rates_of_series(&s, y, l->series.f_new);
     fail_unless_finite(l, l->series.f_new);
     if (!l->adaptive)
@@ -33,22 +33,21 @@ static wide length_of_step(const struct lane_runs *l) {
     return l->task.max_step > 0.0 ? smaller(length, all(R(l->task.max_step))) : length;
 }
 
-/* Norm of the error of a step over the tolerance, and of the correction at its end if the error is within it. */
-static wide norm_of_step(const struct lane_runs *l, const struct lane_step *x) {
-    const ptrdiff_t n = l->sizes.n;
-    wide total = all(0), norm, shortest = all(REAL_INFINITY);
-    for (ptrdiff_t i = n; i < l->dim; i++) {
+/* Norm of the error of a step over the tolerance, and of the correction at its end if the error is within it. `shortest` is
+   the least scale of the constraints. */
+static wide norm_of_step(const struct lane_runs *l, const struct lane_step *x, wide shortest) {
+    const ptrdiff_t n = l->e.n;
+    wide total = all(0);
+    for (ptrdiff_t i = n; i < l->e.dim; i++) {
         const wide error = error_of_series(x->h, l->series.changes[i - n], l->series.f_new[i]);
         const wide size = larger(magnitude(l->y[i]), magnitude(l->y_new[i]));
         const wide part = error / (R(l->task.atol) + R(l->task.rtol) * size);
         total += part * part;
     }
-    norm = root(total / R(l->dim));
-    if (l->sizes.m == 0)
+    const wide norm = root(total / R(l->e.dim));
+    if (l->e.m == 0)
         return norm;
-    for (ptrdiff_t i = 0; i < l->sizes.m; i++)
-        shortest = smaller(shortest, l->scale[i]);
-    const struct projected end = {n, l->dim, l->y, l->stage, l->y_new, shortest};
+    const struct projected end = {n, l->e.dim, l->y, l->stage, l->y_new, shortest};
     return chosen(norm <= R(1), correction_norm(&end, &l->task), norm);
 }
 
@@ -58,11 +57,12 @@ static void take_series_step(struct lane_runs *l, struct lane_step *x, wide leng
     const struct series s = series_of(l, of->present);
     state_of_series(&s, x->h, l->y_new, of->changes);
     fail_unless_finite(l, l->y_new);
-    memcpy(l->stage, l->y_new, (size_t)l->dim * sizeof(wide));
+    copy(l->y_new, l->e.dim, l->stage);
     project_lanes(l, x->t_new, l->y_new, 0);
+    const wide shortest = shortest_scale(&l->e);
     expand_lanes(l, 1 - of->present, x->t_new, l->y_new);
     if (l->adaptive) {
-        const wide norm = norm_of_step(l, x);
+        const wide norm = norm_of_step(l, x, shortest);
         x->taken &= norm <= R(1);
         const wide grown = chosen(x->h == lengths, x->h * of->growth, lengths);
         of->limit = chosen(x->taken, grown, of->limit), of->growth = chosen(x->taken, all(R(GROW)), all(1));

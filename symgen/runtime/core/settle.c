@@ -55,7 +55,8 @@ int project_new_state(struct run *run, real t_new) {
         return AGAIN;
     }
     if (status == DONE && s->sound >= NEAR) {
-        const struct projected x = {e->n, run->dim, run->y, run->error, run->y_new, shortest_scale(e)};
+        const real shortest = e->of == &kernel_behaviour ? shortest_scale(e) : REAL_INFINITY;
+        const struct projected x = {e->n, run->dim, run->y, run->error, run->y_new, shortest};
         s->correction = correction_norm(&x, &run->task);
     }
     return status;

@@ -15,7 +15,7 @@
 #include <immintrin.h>
 #endif
 
-#include "equations.h"
+#include "real.h"
 
 #pragma GCC diagnostic ignored "-Wpsabi" /* no vector is passed to another file */
 
@@ -29,6 +29,10 @@ static inline wide all(real x) {
 
 static inline int has(mask which, int lane) {
     return which[lane] != 0;
+}
+
+static inline real number_of(wide x, int lane) {
+    return x[lane];
 }
 
 static inline wide chosen(mask which, wide yes, wide no) {
@@ -135,6 +139,14 @@ static inline wide powered(wide x, real exponent) {
     for (int lane = 0; lane < WIDTH; lane++)
         x[lane] = real_pow(x[lane], exponent);
     return x;
+}
+
+static inline void copy(const wide *from, ptrdiff_t count, wide *to) {
+    memcpy(to, from, (size_t)count * sizeof(wide));
+}
+
+static inline void copy_fresh(const wide *from, ptrdiff_t count, wide *to) {
+    copy(from, count, to);
 }
 
 static inline void copy_where(mask which, const wide *from, ptrdiff_t count, wide *to) {
