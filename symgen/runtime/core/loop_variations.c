@@ -185,53 +185,54 @@ static int arrive(struct variations *v, real t, const real *y) {
     return DONE;
 }
 
-static int close_tangents(struct variations *v, real t, const real *y) {
+static int close_tangents(struct variations *v, real t, const real *y, real *moved) {
     const struct loop *l = of(v);
     const ptrdiff_t n = v->e->n, k = v->sizes.columns;
+    real *before = v->turned + (stages_of(v) - 1) * 2 * n * k; /* the last stage is computed later, or was used */
     const int status = arrive(v, t, y);
     if (status != DONE)
         return status;
     for (long i = 0; i < l->sizes.inputs; i++)
         for (int order = 0; order < 2; order++)
-            memcpy(v->moved + (order * n + l->driven[i]) * k, v->prescribed + (3 * i + order) * k,
+            memcpy(moved + (order * n + l->driven[i]) * k, v->prescribed + (3 * i + order) * k,
                    (size_t)k * sizeof(real));
     /* sums of all rows first: slopes refer to the state before the projection */
-    memcpy(v->by_stage, v->moved, (size_t)(2 * n * k) * sizeof(real));
+    memcpy(before, moved, (size_t)(2 * n * k) * sizeof(real));
     weigh(v, v->kernels.closing, t, ROWS, n, 0, v->slopes);
-    add_slopes(v, v->slopes, n, v->by_stage, v->moved);
-    memcpy(v->by_stage, v->moved, (size_t)(n * k) * sizeof(real));
+    add_slopes(v, v->slopes, n, before, moved);
+    memcpy(before, moved, (size_t)(n * k) * sizeof(real));
     weigh(v, v->kernels.rates, t, ROWS, 2 * n, 0, v->slopes);
-    add_slopes(v, v->slopes, 2 * n, v->by_stage, v->moved + n * k);
+    add_slopes(v, v->slopes, 2 * n, before, moved + n * k);
     return DONE;
 }
 
 /* The transpose of add_slopes: add the seeds of solved variables times their slopes to the seed and to the gradient.
    */
-static void add_transposed(struct variations *v, ptrdiff_t states, const real *from) {
+static void add_transposed(struct variations *v, ptrdiff_t states, const real *from, real *to) {
     const struct loop *l = of(v);
     const ptrdiff_t row = row_of(v);
     memcpy(v->state, from, (size_t)v->e->n * sizeof(real));
     for (long i = 0; i < l->sizes.solved; i++) {
         const real *slopes = v->slopes + row * l->solved[i], seed = v->state[l->solved[i]];
-        add_multiple(states, seed, slopes, v->seed);
+        add_multiple(states, seed, slopes, to);
         add_multiple(v->sizes.columns, seed, slopes + 2 * v->e->n, v->gradient);
     }
 }
 
 /* The transpose of close_tangents. */
-static int open_seed(struct variations *v, real t, const real *y) {
+static int open_seed(struct variations *v, real t, const real *y, real *to) {
     const struct loop *l = of(v);
     const ptrdiff_t n = v->e->n, k = v->sizes.columns;
     const int status = arrive(v, t, y);
     if (status != DONE)
         return status;
     weigh(v, v->kernels.rates, t, ROWS, 2 * n, 0, v->slopes);
-    add_transposed(v, 2 * n, v->seed + n);
+    add_transposed(v, 2 * n, to + n, to);
     weigh(v, v->kernels.closing, t, ROWS, n, 0, v->slopes);
-    add_transposed(v, n, v->seed);
+    add_transposed(v, n, to, to);
     for (long i = 0; i < l->sizes.inputs; i++)
         for (int order = 0; order < 2; order++) {
-            real *seed = v->seed + order * n + l->driven[i];
+            real *seed = to + order * n + l->driven[i];
             add_multiple(k, *seed, v->prescribed + (3 * i + order) * k, v->gradient);
             *seed = 0;
         }

@@ -133,7 +133,7 @@ static void integrate(struct variations *v, real t, const real *state, real weig
     }
 }
 
-static int close_tangents(struct variations *v, real t, const real *y) {
+static int close_tangents(struct variations *v, real t, const real *y, real *moved) {
     struct equations *e = v->e;
     const ptrdiff_t k = v->sizes.columns, n = e->n;
     int status = factorise(e, t, y);
@@ -143,15 +143,15 @@ static int close_tangents(struct variations *v, real t, const real *y) {
     invert(v, t, y, e->factors, n);
     for (int rates = 0; rates < 2; rates++) {
         memset(v->right, 0, (size_t)((n + e->m) * k) * sizeof(real));
-        add_slopes(v, rates ? OF_RATES : OF_PLACES, R(-1), v->moved, NULL, v->right + n * k);
+        add_slopes(v, rates ? OF_RATES : OF_PLACES, R(-1), moved, NULL, v->right + n * k);
         solve_columns(v, t, y, e->factors, n, n);
-        add_multiple(n * k, R(1), v->solved, v->moved + (rates ? n * k : 0));
+        add_multiple(n * k, R(1), v->solved, moved + (rates ? n * k : 0));
     }
     return DONE;
 }
 
 /* The transpose of close_tangents. */
-static int open_seed(struct variations *v, real t, const real *y) {
+static int open_seed(struct variations *v, real t, const real *y, real *seed) {
     struct equations *e = v->e;
     const long n = e->n;
     int status = factorise(e, t, y);
@@ -159,10 +159,10 @@ static int open_seed(struct variations *v, real t, const real *y) {
         return status;
     call_along(v, v->kernels.closing, t, y, v->still);
     for (int rates = 1; rates >= 0; rates--) {
-        memcpy(e->rhs, v->seed + (rates ? n : 0), (size_t)n * sizeof(real));
+        memcpy(e->rhs, seed + (rates ? n : 0), (size_t)n * sizeof(real));
         memset(e->rhs + n, 0, (size_t)e->m * sizeof(real));
         solve_factored(e, t, y, e->rhs);
-        add_transposed(v, rates ? OF_RATES : OF_PLACES, R(-1), e->rhs + n, v->seed, NULL, v->gradient);
+        add_transposed(v, rates ? OF_RATES : OF_PLACES, R(-1), e->rhs + n, seed, NULL, v->gradient);
     }
     return DONE;
 }

@@ -78,21 +78,39 @@ void variations_evaluate(struct variations *v, long s, real t, const real *state
     memcpy(rate + e->n, e->out, (size_t)e->n * sizeof(real));
 }
 
-/* Write the state of stage s of a step, and evaluate it there. */
-static void evaluate_stage(struct variations *v, const struct tableau *x, long s, real t, real h, const real *y,
-                           real *state) {
-    add_stages(x, s, h, y, v->rates, 2 * v->e->n, state);
-    variations_evaluate(v, s, t + x->c[s] * h, state);
+/* Whether the stages of a step from y are projected, as those of the run are near a loss of rank. */
+static int are_projected(struct variations *v, real t, const real *y) {
+    struct equations *e = v->e;
+    return e->m && e->of->factorise(e, t, y) == DONE && e->account->soundness < NEAR;
+}
+
+/* Write the state of stage s of a step; return whether it is projected. */
+static int reach_stage(struct variations *v, const struct tableau *x, long s, real t, real h, const real *y,
+                       int projected, real *state) {
+    struct equations *e = v->e;
+    const ptrdiff_t states = 2 * e->n;
+    add_stages(x, s, h, y, v->rates, states, state);
+    if (s == 0 || !projected)
+        return 0;
+    memcpy(v->back, state, (size_t)states * sizeof(real));
+    if (e->of->project(e, t + x->c[s] * h, state) == DONE)
+        return 1;
+    memcpy(state, v->back, (size_t)states * sizeof(real));
+    return 0;
 }
 
 static void explicit_step(struct variations *v, real t, real h, const real *y) {
     const struct tableau x = tableau_of(&v->scheme);
     const ptrdiff_t n = v->e->n, k = v->sizes.columns, row = 2 * n * k;
+    const int projected = are_projected(v, t, y);
     for (long s = 0; s < x.stages; s++) {
         const real t_s = t + x.c[s] * h;
         real *turned = v->turned + s * row;
-        evaluate_stage(v, &x, s, t, h, y, v->state);
+        const int closes = reach_stage(v, &x, s, t, h, y, projected, v->state);
         add_stages(&x, s, h, v->moved, v->turned, row, v->by_stage);
+        if (closes)
+            v->of->close(v, t_s, v->state, v->by_stage);
+        variations_evaluate(v, s, t_s, v->state);
         v->of->stage(v, t_s, v->state);
         memcpy(turned, v->by_stage + n * k, (size_t)(n * k) * sizeof(real));
         memcpy(turned + n * k, v->solved, (size_t)(n * k) * sizeof(real));
@@ -110,7 +128,7 @@ static int forward_step(struct variations *v, int begins, real t, real h, const 
     else
         status = implicit_step(v, begins, t, h, y, y_new);
     if (status == DONE && v->e->m)
-        status = v->of->close(v, t + h, y_new);
+        status = v->of->close(v, t + h, y_new, v->moved);
     if (status != DONE)
         return status;
     return all_finite(v->moved, 2 * v->e->n * k) && all_finite(v->sums, integrals) && all_finite(v->summed, integrals * k)
@@ -121,12 +139,14 @@ static int forward_step(struct variations *v, int begins, real t, real h, const 
 static int backward_step(struct variations *v, real t, real h, const real *y, const real *y_new) {
     const struct tableau x = tableau_of(&v->scheme);
     const ptrdiff_t n = v->e->n, states = 2 * n;
-    int status = v->e->m ? v->of->open(v, t + h, y_new) : DONE;
+    int closes[MOST_STAGES], status = v->e->m ? v->of->open(v, t + h, y_new, v->seed) : DONE;
     if (status != DONE)
         return status;
+    const int projected = are_projected(v, t, y);
     for (long s = 0; s < x.stages; s++) {
         real *state = v->states + s * states;
-        evaluate_stage(v, &x, s, t, h, y, state);
+        closes[s] = reach_stage(v, &x, s, t, h, y, projected, state);
+        variations_evaluate(v, s, t + x.c[s] * h, state);
         v->of->keep(v, s, t + x.c[s] * h, state);
     }
     for (long s = x.stages - 1; s >= 0; s--) {
@@ -139,6 +159,8 @@ static int backward_step(struct variations *v, real t, real h, const real *y, co
         memset(back, 0, (size_t)states * sizeof(real));
         memcpy(back + n, from, (size_t)n * sizeof(real));
         v->of->stage_back(v, s, t + x.c[s] * h, from, h * x.b[s], back);
+        if (closes[s])
+            v->of->open(v, t + x.c[s] * h, v->states + s * states, back);
     }
     for (long s = 0; s < x.stages; s++)
         add_multiple(states, R(1), v->back + s * states, v->seed);
@@ -190,7 +212,7 @@ static int measure_error(struct variations *v, real t, real h, const real *y, co
         const real uneven = R(0.618) * R(i), size = R(0.5) + uneven - R((long)uneven);
         v->moved[i] = (i % 2 ? -size : size) / (i < n ? R(1) : h);
     }
-    const int status = v->e->m ? v->of->close(v, t, y) : DONE;
+    const int status = v->e->m ? v->of->close(v, t, y, v->moved) : DONE;
     if (status != DONE)
         return status;
     explicit_step(v, t, h, y);
@@ -249,8 +271,11 @@ static void fill(struct variations *v, long steps, const double *t, void *y, con
         if (known[i + 1])
             continue;
         begin_step(v, references + i * held_parameters(&v->e->sizes));
-        for (long s = 0; s < x.stages; s++)
-            evaluate_stage(v, &x, s, R(t[i]), h, row, v->state);
+        const int projected = are_projected(v, R(t[i]), row);
+        for (long s = 0; s < x.stages; s++) {
+            reach_stage(v, &x, s, R(t[i]), h, row, projected, v->state);
+            variations_evaluate(v, s, R(t[i]) + x.c[s] * h, v->state);
+        }
         write_end(v, h, row, row + states);
     }
 }

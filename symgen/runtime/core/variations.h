@@ -52,13 +52,14 @@ struct variation_behaviour {
     void (*stage)(struct variations *v, real t, const real *state);
     /* Add the integrands there, and their tangents, times a weight; NULL without integrands. */
     void (*integrate)(struct variations *v, real t, const real *state, real weight);
-    /* Project v->moved onto the tangent space of the constraints at y. */
-    int (*close)(struct variations *v, real t, const real *y);
-    /* The transposes. `keep` stores the data for the transpose of stage s. The transpose takes a seed of dy/dt, adds
+    /* Project d(q, u), 2n rows in `moved`, onto the tangent space of the constraints at y. */
+    int (*close)(struct variations *v, real t, const real *y, real *moved);
+    /* The transpose of a stage. `keep` stores the data for the transpose of stage s. The transpose takes a seed of dy/dt, adds
        the seed of (q, u) to `back` and that of the directions to v->gradient; integrands count with the weight. */
     void (*keep)(struct variations *v, long s, real t, const real *state);
     void (*stage_back)(struct variations *v, long s, real t, const real *seed, real weight, real *back);
-    int (*open)(struct variations *v, real t, const real *y);
+    /* The transpose of `close`: change a seed of (q, u), and add to v->gradient. */
+    int (*open)(struct variations *v, real t, const real *y, real *seed);
 };
 
 struct variations {

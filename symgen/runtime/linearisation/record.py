@@ -129,7 +129,8 @@ class Sensitivity(Shown):
     at_equilibrium
         Whether the state is an equilibrium, which moves with the parameters.
     notes
-        What limits the derivatives at a state: switching points of loads on which it is.
+        What limits the derivatives: switching points of loads on which a state is, losses of rank that a run
+        passes.
     """
 
     derivatives: Array

@@ -45,6 +45,8 @@ class StoredTrajectory:
         Number of switching points; the last columns of ``references`` are their branches.
     event
         The event at which the run ends, by its place in the description.
+    passages
+        Times [s] at which the constraints lose rank.
     """
 
     t: Array
@@ -53,6 +55,7 @@ class StoredTrajectory:
     ends: tuple[int, ...]
     switches: int = 0
     event: int | None = None
+    passages: tuple[float, ...] = ()
 
 
 class StepTangents(Protocol):

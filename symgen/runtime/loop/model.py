@@ -225,7 +225,7 @@ class LoopModel(Model):
 
     def _along_run(self, request: Derivatives, outputs: tuple[str, ...]) -> Sensitivity:
         """Return derivatives along a run under forces; without an end those at the state."""
-        from symgen.runtime.linearisation.runs import at_run
+        from symgen.runtime.linearisation.runs import at_run, of_run
         from symgen.runtime.linearisation.sensitivity import at_pose
         from symgen.runtime.linearisation.steps import resolved
         from symgen.runtime.loop.derivatives.runs import LoopSteps, follow
@@ -242,10 +242,10 @@ class LoopModel(Model):
         if not request.along:
             return at_pose(at_start, outputs, by, free)
         times, chosen = request.run()
-        path = follow(self.kernels, rank, start, chosen, times)
         steps = LoopSteps(self.kernels, self._kernels_of("loop_variation", (), True), rank, chosen.method)
-        path = resolved(path, steps, chosen)
-        return at_run(path, lambda state, _: tangents(state), steps, outputs, by, free)
+        return of_run(
+            chosen, lambda of: resolved(follow(self.kernels, rank, start, of, times), steps, of),
+            lambda path: at_run(path, lambda s, _: tangents(s), steps, outputs, by, free))  # fmt: skip
 
     @property
     def _free_names(self) -> list[str]:

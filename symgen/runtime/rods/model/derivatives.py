@@ -9,11 +9,12 @@ from typing import Any
 
 from symgen.errors import ModelError, OptionsError
 from symgen.runtime.arrays import Array
+from symgen.runtime.integrate.options import Options
 from symgen.runtime.linearisation.record import Sensitivity
-from symgen.runtime.linearisation.runs import at_run, follow, halved
+from symgen.runtime.linearisation.runs import at_run, follow, halved, of_run
 from symgen.runtime.linearisation.sensitivity import at_equilibrium, at_pose, check_starts
 from symgen.runtime.linearisation.state_space import derivatives
-from symgen.runtime.linearisation.steps import LinkageSteps, resolved
+from symgen.runtime.linearisation.steps import LinkageSteps, StoredTrajectory, resolved
 from symgen.runtime.linearisation.tangents import LinkageTangents
 from symgen.runtime.model.arguments import LinkageDerivatives
 from symgen.runtime.result.equilibrium import Equilibrium
@@ -109,7 +110,13 @@ def _along_run(
             f"expected {{coordinates}} of {model.name}: derivatives by the start choose the steps of "
             f"{chosen.method.name} from rest\n  {LinkageTangents.CHOICE} Or choose dop853."
         )
-    path = resolved(followed(chosen), steps, chosen)
-    path = halved(path, followed, tangents, steps, request.coordinates, chosen)
     about = model._tangents(rest, names, "sensitivity") if rest else None
-    return at_run(path, tangents, steps, outputs, by, request.coordinates, about)
+
+    def path(chosen: Options) -> StoredTrajectory:
+        along = resolved(followed(chosen), steps, chosen)
+        return halved(along, followed, tangents, steps, request.coordinates, chosen)
+
+    def derivatives_along(path: StoredTrajectory) -> Sensitivity:
+        return at_run(path, tangents, steps, outputs, by, request.coordinates, about)
+
+    return of_run(chosen, path, derivatives_along)
