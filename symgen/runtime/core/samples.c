@@ -18,17 +18,21 @@ static int sampled(struct run *run, real t, real h, real *sample) {
     return status == DONE && e->account->soundness < PASSAGE ? SINGULAR : status;
 }
 
-/* A sample whose accelerations have no correct digits, near a loss of rank, is moved slightly in time. */
+/* A sample whose accelerations have no correct digits, near a loss of rank, is moved slightly in time, also past the next
+   ones, which are then behind it. */
 static int one_sample(struct run *run, real until, real h, real *sample) {
     struct state *s = run->state;
-    real *time = run->times + s->recorded, wanted = *time;
+    real *time = run->times + s->recorded;
+    if (s->recorded && *time <= time[-1] && time[-1] > s->t)
+        *time = real_fmin(time[-1] + R(1e-9) * h, until);
+    const real wanted = *time;
     for (int k = 0; k < SHIFTS; k++) {
         int status = sampled(run, *time, h, sample);
         if (status == DONE || status == NOT_FINITE)
             return status;
         real shift = R(1e-4) * h * (real)(1L << k / 2) * (k % 2 ? R(1) : R(-1));
         real moved = wanted + shift;
-        if (s->t < moved && moved < until && moved < time[1] && (s->recorded == 0 || moved > time[-1]))
+        if (s->t < moved && moved < until && (s->recorded == 0 || moved > time[-1]))
             *time = moved;
     }
     if (time[1] <= until)

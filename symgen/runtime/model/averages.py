@@ -46,6 +46,8 @@ _REFINED, _PEAKS = 4, 4
 _ALIKE = 1e-14
 #: Part of the largest output of the same unit below which errors are those of this part.
 _FAINT = 1e-6
+#: Units of outputs that are continuous where rank is lost; relative error of means of others, with poles.
+_OF_MOTION, _UNSURE = ("m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2", "J"), 1e-4
 #: Growth of the largest value by divided panels, over which values have no bound.
 _GROWS = 4.0
 
@@ -106,12 +108,18 @@ def averages(result: Any, rtol: float = RTOL, *, magnitudes: bool = False) -> di
         return columns(variables)
 
     known = components(result)
-    powers = np.array([[v.unit == "W"] for v in known])
+    powers, units = np.array([[v.unit == "W"] for v in known]), np.array([v.unit for v in known])
 
     def values(times: Array) -> Array:
-        return np.array([v.values for v in components(repeat(times))]).reshape(len(known), -1)
+        found = repeat(times)
+        rows = np.array([v.values for v in components(found)]).reshape(len(known), -1)
+        if not np.array_equal(found.time, times):  # samples are moved in time next to losses of rank
+            moved.append(True)
+            for k in np.flatnonzero(np.isin(units, _OF_MOTION)):
+                rows[k] = np.interp(times, found.time, rows[k])
+        return rows
 
-    nodes = list[tuple[Array, Array]]()
+    nodes, moved = list[tuple[Array, Array]](), list[bool]()
 
     def integrands(times: Array) -> Array:
         y = values(times)
@@ -121,7 +129,6 @@ def averages(result: Any, rtol: float = RTOL, *, magnitudes: bool = False) -> di
     duration = last - first
     exchanged = result.drift.measured.get("energy_exchanged", 0.0)
     scales = np.array([{"J": exchanged * duration, "W": exchanged}.get(v.unit, 0.0) for v in known])
-    units = np.array([v.unit for v in known])
     try:
         panels = _panels(result, first, last)
         sums, errors = integrals(integrands, panels, rtol, units, scales)
@@ -134,6 +141,8 @@ def averages(result: Any, rtol: float = RTOL, *, magnitudes: bool = False) -> di
         raise ResultError(f"the motion has no mean over time: {error}") from error
     by_name = {}
     missed = np.maximum(errors[:, 0], np.finfo(float).eps * sums[:, 3]) / duration
+    if moved:  # forces may have a pole there
+        sums[errors[:, 0] > _UNSURE * sums[:, 3]] = np.nan
     found[~np.isfinite(sums[:, 0])] = np.nan
     rows = zip(known, sums.tolist(), missed.tolist(), found.tolist(), strict=True)
     for v, (whole, square, positive, _), by, ends in rows:

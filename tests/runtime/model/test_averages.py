@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
 import symgen
@@ -294,3 +295,22 @@ def test_extremes_of_poses_are_those_of_the_poses():
     poses = symgen.build("whitworth").kinematics(samples=5)["S.position"].values[:, 0]
     assert (of["minimum"], of["maximum"]) == pytest.approx((poses.min(), poses.max()), rel=1e-12)
     assert of["maximum"] < 0.2999
+
+
+def test_means_through_losses_of_rank_are_those_of_the_pendulum():
+    """Cranks in line with the coupler, whose centre is beside its middle: forces of two of them have poles there."""
+    angle, model = float(np.arctan2(-0.8, 0.6)), symgen.build("double_four_bar")
+    start = model.state({"AB.angle": angle}, {"AB.angle": 8.0})
+
+    def rates(_, y):
+        return [y[1], -9.81 * 3.5 / (2 / 3 + 0.34 + 2) * np.cos(y[0]), np.sin(y[0]), np.sin(y[0]) ** 2]
+
+    followed = solve_ivp(rates, (0, 1), [angle, 8, 0, 0], "DOP853", rtol=1e-13, atol=1e-13, dense_output=True)
+    run = model.simulate(1.0, state=start, samples=10_001, rtol=1e-10)  # many of them next to the poles
+    assert np.max(np.abs(run["B.position"][:, 1] - np.sin(followed.sol(run.time)[0]))) < 1e-9
+    found = run.averages()
+    assert found["B.position.y"].mean == pytest.approx(followed.y[2, -1], abs=3e-9)
+    assert found["B.position.y"].rms == pytest.approx(followed.y[3, -1] ** 0.5, abs=3e-9)
+    assert found["B.position.y"].maximum == pytest.approx(1.0, abs=1e-9)
+    assert np.isnan(found["AB.tension"].mean)
+    assert np.isfinite(found["DC.tension"].mean)
