@@ -192,10 +192,6 @@ static real crossing(struct run *run, real h, long index, const struct course *o
     return sign_of(at[0], 0) == z->before ? narrowed(run, h, index, a, at[0], b, at[1]) : a;
 }
 
-static int is_last(const struct run *run, real t_new) {
-    return t_new >= R(run->task.t_end) && !run->task.continues;
-}
-
 /* Whether an event touches zero at the end of the step or crosses it slowly: that its rate there, over a step, reaches
    across the tolerance only with the curvature of the step. The next step decides. */
 static int is_open(const struct run *run, long index, const struct course *of, real tolerance, real t_new) {

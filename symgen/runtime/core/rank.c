@@ -98,7 +98,7 @@ void watch_rank(struct run *run, real t_new, double sound) {
         s->t_before = s->t_look, s->at_before = s->at_look;
         s->t_look = t, s->at_look = at;
     }
-    if (t_new >= R(run->task.t_end) && !run->task.continues && s->at_look < s->at_before)
+    if (is_last(run, t_new) && s->at_look < s->at_before)
         look_for_passage(run, s->t_before, t_new, t_new);
     if (run->e->of->look == NULL)
         run->e->of->factorise(run->e, t_new, run->y_new);

@@ -289,6 +289,11 @@ static inline int is_magnified(const struct run *run) {
     return run->state->sound < NEAR && run->task.stabilisation == PROJECTION;
 }
 
+/* Whether the run has its end there. */
+static inline int is_last(const struct run *run, real t_new) {
+    return t_new >= R(run->task.t_end) && !run->task.continues;
+}
+
 /* Whether steps have polynomials of the values of the kernel `events`. */
 static inline int has_polynomials(const struct run *run) {
     return run->scheme.kind->polynomial != NULL && run->e->sizes.series_watched > 0;

@@ -98,11 +98,13 @@ static real resolved(const struct run *run, const real *rows, long order, real l
     return real_fmax(length, least);
 }
 
-/* Expand the motion from (t, y) into one of the two series; write dy/dt. */
+/* Expand the motion from (t, y) into one of the two series; write dy/dt. Behind the end of the run, accelerations are the
+   last coefficients. */
 static int expand(struct run *run, long which, real t, const real *y, real *dy) {
     const struct taylor x = taylor_of(run);
     struct equations *e = run->e;
-    const real at[] = {t, R(*x.order - 1 + (e->extra || e->sizes.series_watched))};
+    const int last = is_last(run, t);
+    const real at[] = {t, R((last ? 1 : *x.order - 1) + (e->extra || e->sizes.series_watched))};
     const int status = (e->of->prepare_series ? e->of->prepare_series : e->of->factorise)(e, t, y);
     if (status != DONE)
         return status;
@@ -111,7 +113,7 @@ static int expand(struct run *run, long which, real t, const real *y, real *dy) 
     e->kernels.series(at, NULL, NULL, e->p, e->factors, s.rows);
     e->account->evaluations++;
     rates_of_series(&s, y, dy);
-    if (!run->scheme.adaptive)
+    if (!run->scheme.adaptive || last)
         return DONE;
     x.longest[which] = length_of_series(&s, &run->task, y);
     return x.longest[which] > 0 ? DONE : NOT_FINITE;
