@@ -200,6 +200,16 @@ cdef class LoopEquations(Integrable):
         y.back()
         return state[:self.n]
 
+    def turn_back(self, y: Array, near: Array) -> Array:
+        """Return a state (q, u) in the angles of the table, those nearest to the variables ``near``, from that in the
+        angles by :attr:`parameters`, which are those of the table from now on."""
+        at_least("variables", min(len(y) // 2, len(near)), self.n)
+        state = np.array(y, dtype=float)
+        cdef Reals to = Reals(self.of, state), beside = Reals(self.of, near)
+        self.api.turn_back(<loop *>self.core, beside.at, to.at)
+        to.back()
+        return state
+
     def follow(self, double t, double[::1] q, times: Array, double longest, double[:, ::1] states, double[:, ::1] out,
                double[:, ::1] diagnosis) -> tuple[int, int, float]:
         """Follow the loop from a closed state (t, q) through monotone times; return the status and the number reached.

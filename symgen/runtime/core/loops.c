@@ -20,6 +20,11 @@ static int turn(struct loop *l, void *y) {
     return loop_rewrite(&l->base, y, y, 1);
 }
 
+static void turn_back(struct loop *l, const void *near, void *y) {
+    memcpy(l->usual, near, (size_t)l->sizes.n * sizeof(real));
+    loop_as_usual(&l->base, y, 1);
+}
+
 static int follow(struct loop *l, double *t, void *q, const void *times, long count, double longest, void *states,
                   long row, void *out, long width, double *diagnosis, long *reached) {
     real at = R(*t);
@@ -41,6 +46,7 @@ const struct loops_api symgen_loops = {
     .assemble = assemble,
     .closed_screws = closed_screws,
     .turn = turn,
+    .turn_back = turn_back,
     .follow = follow,
     .undetermined = undetermined,
 };

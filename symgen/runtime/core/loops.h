@@ -16,6 +16,8 @@ struct loops_api {
     /* Convert a state (q, u) near poles of balls to alternative angles, which remain in use; return whether any
        changed. */
     int (*turn)(struct loop *l, void *y);
+    /* Convert a state (q, u) back to the usual angles, those nearest to the variables `near`. */
+    void (*turn_back)(struct loop *l, const void *near, void *y);
     int (*follow)(struct loop *l, double *t, void *q, const void *times, long count, double longest, void *states,
                   long row, void *out, long width, double *diagnosis, long *reached);
     /* Mark the outputs that depend on wrenches without work on any screw; see loop.h. */

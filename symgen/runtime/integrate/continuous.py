@@ -145,6 +145,7 @@ class ContinuousController(Controller):
         """Return all tunable parameters in a state; those ``held`` in the step are behind them."""
         values, first = self._given.copy(), len(self._stepper._places)
         values[first : first + len(held)] = held
+        y = self._stepper._in_table(y, values, turns)
         stage = Stage(self._stepper, t, y, values, turns)
         inputs = self._asked(t, MotionView(stage))
         used = frozenset(stage.read), frozenset(inputs)

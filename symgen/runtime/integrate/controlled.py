@@ -133,7 +133,7 @@ def controlled(
             raise ModelError(f"sample={sample:g} s is too short to advance t_end={chosen.t_end:g} s")
         return sample_times(t0, chosen, request.t_eval)
 
-    law = ContinuousController(function, chosen) if sample is None else None
+    law: Any = ContinuousController(function, chosen) if sample is None else None
     try:
         motion = stepper(model, chosen, request.state, sampled, law)
     except SimulationError as error:
@@ -142,4 +142,4 @@ def controlled(
         raise
     if not motion._signals:
         raise ModelError(f"{model.name} has no inputs for a controller\n  Declare them under [inputs].")
-    return motion, law or SampledController(function, float(sample or 0.0), motion, chosen)
+    return motion, law if sample is None else SampledController(function, sample, motion, chosen)

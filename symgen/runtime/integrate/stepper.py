@@ -238,6 +238,13 @@ class Stepper(ABC):
     def _evaluated(self) -> Array:
         """Return the output of the kernel 'outputs' at the present state."""
 
+    def _in_table(self, y: Array, parameters: Array, near: Array) -> Array:
+        """Return a state (q, u) within a step in the angles of the scene, and change ``parameters`` with it.
+
+        ``near`` are continuous angles in a state nearby.
+        """
+        return y
+
     @abstractmethod
     def _cause(self, status: int) -> str:
         """Return the message for a motion that ended with this status."""

@@ -30,6 +30,9 @@ from symgen.runtime.result.records import LocatedEvent
 from symgen.runtime.result.result import Result
 from symgen.runtime.result.state import State
 
+#: Kernels that may depend on inputs and are the first that an evaluation calls.
+_FORCED = ("motion", "events")
+
 
 @dataclass(frozen=True, slots=True)
 class LoopStart:
@@ -222,9 +225,13 @@ class LoopStepper(Stepper):
         return inputs
 
     def _new(self, state: State | None) -> tuple[Any, Any, float, Array, dict[str, Any]]:
-        start = self._model._begun(state)
-        equations, y = begun(self._model.kernels, start)
-        return equations, None, start.pose.t, y, {}
+        start, kernels = self._model._begun(state), self._model.kernels
+        if self._law is not None:
+            library = self._law.steered(self, kernels.library, kernels.parameter_values, _FORCED)
+            kernels = LoopKernels(kernels.description, library, kernels.parameter_values)
+        equations, y = begun(kernels, start)
+        self._begin = start.pose.q
+        return equations, self._model.kernels.equations(kernels.solved, equations.rank), start.pose.t, y, {}
 
     @property
     def state(self) -> State:
@@ -247,9 +254,28 @@ class LoopStepper(Stepper):
 
     def _evaluated(self) -> Array:
         y, turns, table = self._run.present()
+        return self._output_row(self._kernels, self.t, y, turns, table)
+
+    def _in_table(self, y: Array, parameters: Array, near: Array) -> Array:
+        turns = parameters[len(self._places) :][: len(self._model.description.balls)]
+        if not turns.any():
+            return y
+        self._view.set_parameters(parameters)
+        found: Array = self._view.turn_back(y, near if len(near) else self._begin)
+        turns[:] = 0.0
+        return found
+
+    def _outputs_at(self, t: float, y: Array, parameters: Array, turns: Array) -> Array:
+        kernels = self._model.kernels.at(parameters)
+        return self._output_row(kernels, t, y, np.zeros(len(self._model.description.balls)), y)
+
+    def _output_row(self, kernels: LoopKernels, t: float, y: Array, turns: Array, table: Array) -> Array:
         states = np.append(y, 0.0)[None]
-        kernels, rank = self._kernels, self._equations.rank
-        return LoopSamples(kernels, rank, np.array([self.t]), states, turns[None], table[None]).outputs()[0]
+        return LoopSamples(kernels, self._view, np.array([t]), states, turns[None], table[None]).outputs()[0]
+
+    def _state_at(self, t: float, y: Array, parameters: Array) -> State:
+        state: State = self._model._as_state(t, *np.split(y, 2))
+        return state
 
     def _cause(self, status: int) -> str:
         return problem(self._kernels, self._run, self._chosen, status)
@@ -257,11 +283,6 @@ class LoopStepper(Stepper):
 
 def controlled_run(model: Any, request: RunArguments, chosen: Options) -> Result:
     """Integrate with a controller and return the result: see :meth:`symgen.Model.simulate`."""
-    if request.sample is None:
-        raise ModelError(
-            "expected sample, the time between two calls of the controller [s], got none\n"
-            "  A continuous law of a loop is part of its scene: expressions in its loads, and [states]."
-        )
     stepper, control = controlled(model, LoopStepper, request, chosen)
     status, wall = control.run(request.progress)
     of = model.kernels, stepper._equations, stepper._run

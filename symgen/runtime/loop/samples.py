@@ -49,6 +49,8 @@ class LoopSamples:
 
     Parameters
     ----------
+    solver
+        Equations in double precision, as states are recorded, for all variables that a motion solves for.
     states
         A row each, q and u first and one number more than the run has, in the angles in use.
     turns
@@ -62,7 +64,7 @@ class LoopSamples:
     def __init__(
         self,
         kernels: LoopKernels,
-        rank: int,
+        solver: _loop.LoopEquations,
         times: Array,
         states: Array,
         turns: Array,
@@ -71,9 +73,7 @@ class LoopSamples:
     ) -> None:
         self.kernels, self.times, self.states, self.turns, self.table = kernels, times, states, turns, table
         self._held = kernels.parameter_values[: len(kernels.description.tunable)] if held is None else held
-        d = kernels.description
-        # States are recorded as doubles, and outputs follow from them.
-        self._solver = kernels.equations(d.solved, rank)
+        self._solver = solver
 
     @cached_property
     def parts(self) -> tuple[SampleGroup, ...]:
@@ -223,8 +223,8 @@ class LoopRecording(RunRecording):
         run = self.stepper
         rows = np.append(run.result, np.zeros((len(run.sampled), 1)), axis=1)
         held = None if self.controls is None else self.controls.held(run)
-        rank = self.equations.rank
-        return LoopSamples(self.kernels, rank, run.sampled, rows, run.references, run.turns, held)
+        solver = self.kernels.equations(self.kernels.solved, self.equations.rank)
+        return LoopSamples(self.kernels, solver, run.sampled, rows, run.references, run.turns, held)
 
     @cached_property
     def _variables(self) -> tuple[Variable, ...]:

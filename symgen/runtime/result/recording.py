@@ -306,8 +306,10 @@ def wound(evaluator: Evaluator, references: Array) -> Iterator[tuple[Array, Indi
 
 def grouped(parameters: Array, first: int, values: Array) -> Iterator[tuple[Array, Indices]]:
     """Yield parameters with each distinct row of values, from index ``first`` on, and its occurrences."""
-    kinds, which, counts = np.unique(values, axis=0, return_inverse=True, return_counts=True)
-    alike = np.split(np.argsort(which.ravel(), kind="stable"), np.cumsum(counts)[:-1])
+    kinds, alike = values[:1], [np.arange(len(values))]
+    if not np.all(values == kinds):
+        kinds, which, counts = np.unique(values, axis=0, return_inverse=True, return_counts=True)
+        alike = np.split(np.argsort(which.ravel(), kind="stable"), np.cumsum(counts)[:-1])
     for row, places in zip(kinds, alike, strict=True):
         in_group = parameters.copy()
         in_group[first : first + len(row)] = row

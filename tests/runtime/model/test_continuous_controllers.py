@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import tomllib
+
 import numpy as np
 import pytest
+import sympy as sp
 from scipy.integrate import solve_ivp
 from shared import double_pendulum
+from shared.ball_poles import CASE, CRANK, Straight
 from shared.controlled import CART, CART_POLE, POLE, PUSHED_MASS, cart_pole, four_bar_with_torque
+from shared.floating_crank import INPUTS, STATE, VALUES, forces, mass_matrix
+from shared.floating_crank import scene as floating_crank
 from shared.linkages import G
 
 import symgen
@@ -218,7 +224,90 @@ def test_many_runs(cart):
         assert found == pytest.approx(other.y[0, -1], abs=1e-8)
 
 
-def test_loops_take_sampled_controllers_alone():
+@pytest.mark.parametrize("past", [1e-2, 0.0])
+def test_a_loop_of_one_freedom_is_its_reduced_equation_past_poles_of_balls(past):
+    """A slider-crank in space: 2.5 revolutions, held there; angles of its balls have poles once per revolution."""
+    straight, target = Straight(CRANK + past), 5.5 * np.pi
+    written = tomllib.loads(CASE.read_text())
+    written |= {"inputs": {"M": "0 N*m"}}
+    written["loop"]["drives"] = {"theta1": "M"}
+    written["analysis"]["outputs"] = [
+        "theta1",
+        "theta1.rate",
+        "theta1.power",
+        "S4",
+        "S4.rate",
+        "S4.acceleration",
+    ]
+    model = symgen.build(symgen.Scene(**written)).with_parameters(offset=CRANK + past)
+    seen = []
+
+    def law(t, view):
+        rates = view["S4.rate"], view["theta1.rate"]
+        seen.append((view["theta1"], view["S4"], *rates, *view.y[[0, 6]], view.state.u[0]))
+        return {"M": 9.0 * (target - view["theta1"]) - 2.0 * rates[1] - 3.0 * rates[0] + view["S4"]}
+
+    def torque(y):
+        place, first, _ = straight.slider(y[0])
+        return 9.0 * (target - y[0]) - 2.0 * y[1] - 3.0 * first * y[1] + place
+
+    def slope(_, y, h=1e-3):
+        beside = [straight.mass(y[0] + k * h) for k in (-2, -1, 1, 2)]
+        by_angle = (beside[0] - 8 * beside[1] + 8 * beside[2] - beside[3]) / (12 * h)
+        return [y[1], (torque(y) - by_angle * y[1] ** 2 / 2) / straight.mass(y[0])]
+
+    times = np.array([0.0, 0.21, 0.8, 1.7, 3.0])
+    run = model.simulate(3.0, controller=law, t_eval=times, rtol=1e-11, atol=1e-12)
+    exact = solve_ivp(slope, (0, 3), [np.pi / 2, 5.0], t_eval=times, **TIGHT).y
+    assert exact[0].max() > 4.5 * np.pi
+    assert np.array([run["theta1"].values, run["theta1.rate"].values]) == pytest.approx(exact, abs=1e-8)
+    assert run["S4"].values == pytest.approx(straight.slider(exact[0])[0], abs=1e-9)
+    effort = np.array([torque(y) for y in exact.T])
+    assert run["theta1.power"].values == pytest.approx(effort * exact[1], abs=1e-6)
+    angle, place, moving, rate, *other = np.array(seen).T
+    assert np.array(other) == pytest.approx(np.array([angle, place, rate]), abs=1e-12)
+    slider, first, _ = straight.slider(angle)
+    assert np.max(np.abs(place - slider)) < 1e-3  # stages are next to the closure
+    assert np.max(np.abs(moving - first * rate)) < 0.05
+    assert run.drift.energy < 1e-6 and run.notes[0] == "a controller set M in every evaluation"
+
+
+def test_a_loop_of_two_freedoms_is_lagranges_equations():
+    """The pump on a floating crank: torque and force of a state feedback, over three revolutions of the crank."""
+    mass_and_forces = sp.lambdify(
+        [*STATE, *INPUTS], [m.subs(VALUES) for m in (mass_matrix(), forces())], cse=True
+    )
+    goal = 6.5 * np.pi
+
+    def inputs(t, angle, place, spin, drift):
+        return 8.0 * (goal - angle) - 1.5 * spin, 300.0 * np.sin(angle) * place - 20.0 * drift + np.cos(3 * t)
+
+    def slope(t, y):
+        mass, force = mass_and_forces(*y, *inputs(t, *y))
+        return [*y[2:], *np.linalg.solve(mass, np.ravel(force))]
+
+    def law(t, view):
+        return dict(
+            zip("MF", inputs(t, *(view[n] for n in ("theta1", "S1", "theta1.rate", "S1.rate"))), strict=True)
+        )
+
+    scene = floating_crank()
+    analysis = scene.analysis.model_copy(update={"outputs": ["theta1", "S1", "theta1.rate", "S1.rate", "S4"]})
+    model = symgen.build(scene.model_copy(update={"analysis": analysis}))
+    times = np.array([0.0, 0.37, 1.0, 2.0])
+    exact = solve_ivp(slope, (0, 2), [np.pi / 4, 0.01, 0, 0], t_eval=times, **TIGHT).y
+    assert exact[0, -1] > 6.0 * np.pi
+    run = model.simulate(2.0, controller=law, t_eval=times, rtol=1e-11, atol=1e-12)
+    found = np.array([run[name].values for name in ("theta1", "S1", "theta1.rate", "S1.rate")])
+    assert found == pytest.approx(exact, abs=1e-8)
+    few = model.simulate(2.0, controller=law, samples=2, rtol=1e-11, atol=1e-12)
+    assert few["S4"].values[-1] == run["S4"].values[-1]
+    with pytest.raises(ModelError, match="taylor needs more of a controller"):
+        model.simulate(2.0, controller=law, method="taylor")
+
+
+def test_outputs_of_a_loop_that_follow_from_inputs_are_refused():
     changes = {"inputs.M": "0 N*m", "loop.drives.theta1": "stall*(1 - theta1.rate/top) + M"}
-    with pytest.raises(ModelError, match="expected sample"):
-        symgen.build("cssp", set=changes).simulate(0.01, controller=lambda *_: {"M": 0.0})
+    model = symgen.build("cssp", set=changes | {"analysis.outputs": ["theta1.acceleration"]})
+    with pytest.raises(SimulationError, match=r"theta1\.acceleration depends on M"):
+        model.simulate(0.01, controller=lambda _, v: {"M": v["theta1.acceleration"]})
