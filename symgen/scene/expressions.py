@@ -275,7 +275,11 @@ class _Reader:
         if name == "pi":
             return sp.pi, NUMBER
         if name not in self.names:
-            words = [known for known in self.names if not known.endswith("()")]
+            words = [
+                known
+                for known, value in self.names.items()
+                if not (known.endswith("()") or (isinstance(value, OfTime) and value.value is None))
+            ]  # without the law that is being read
             alike = [known for known in words if ("." in known) == ("." in name)]
             if alike and _FOLLOWING.fullmatch(name):
                 raise SceneError(

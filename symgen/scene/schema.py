@@ -72,6 +72,10 @@ class Named(Bare):
 class ParameterTable(Named):
     """A named value, or a law of the time t, for use in expressions."""
 
+    value: Value = Field(
+        description='A quantity ("2 cm"), an expression over parameters ("2*a"), a plain number, or a law of '
+        'the time ("a*sin(w*t)"), which is not tunable.'
+    )
     tunable: bool = Field(False, description="Keep it as an argument of the kernels instead of folding it.")
 
 

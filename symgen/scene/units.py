@@ -69,6 +69,7 @@ INERTIA = dimension(2, 1)
 FORCE = dimension(1, 1, -2)
 PRESSURE = dimension(-1, 1, -2)
 TORQUE = dimension(2, 1, -2)
+POWER = dimension(2, 1, -3)
 STIFFNESS = dimension(0, 1, -2)
 DAMPING = dimension(0, 1, -1)
 ANGULAR_DAMPING = dimension(2, 1, -1)
@@ -76,6 +77,8 @@ ANGULAR_DAMPING = dimension(2, 1, -1)
 _NAMED = {
     FORCE: "N",
     TORQUE: "N*m",
+    POWER: "W",
+    dimension(1, 1, -3): "N/s",
     STIFFNESS: "N/m",
     DAMPING: "N*s/m",
     ANGULAR_DAMPING: "N*m*s",
@@ -103,6 +106,7 @@ KINDS: dict[Dimension, tuple[str, str]] = {
     SECOND_MOMENT: ("a second moment of area", '"120 mm^4"'),
     PRESSURE: ("a stress or a modulus", '"210 GPa"'),
     TORQUE: ("a torque or an energy", '"3 N*m"'),
+    POWER: ("a power or a rate of torque", '"50 W" or "50 N*m/s"'),
     STIFFNESS: ("a stiffness or a force per length", '"200 N/m"'),
     DAMPING: ("a damping", '"5 N*s/m"'),
     ANGULAR_DAMPING: ("a damping of rotation", '"0.1 N*m*s"'),

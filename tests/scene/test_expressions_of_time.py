@@ -104,3 +104,18 @@ def test_a_law_moves_a_loop():
     speed, t = next(p.quantity.symbol for p in loop.parameters if p.quantity.name == "speed"), TIME.symbol
     assert next(v.motion for v in loop.variables if v.name == "theta1") == speed * t
     assert loop.loads[0].torque[2] == 2 * sp.sin(speed * t)
+
+
+def test_a_law_is_no_name_for_itself():
+    tables = TABLES | {"parameters": TABLES["parameters"] | {"law": "rise*lew"}}
+    with pytest.raises(SceneError, match=r"unknown name 'lew'\n  Known: .*") as caught:
+        symgen.build(symgen.Scene(**tables))
+    assert "law" not in str(caught.value).rpartition("Known")[2]
+
+
+def test_rates_of_torques_have_a_unit_of_their_own():
+    tables = TABLES | {"states": {"M": {"start": "1 N*m", "rate": "k*k"}}}
+    with pytest.raises(
+        SceneError, match=r'expected a power or a rate of torque such as "50 W" or "50 N\*m/s"'
+    ):
+        symgen.build(symgen.Scene(**tables))

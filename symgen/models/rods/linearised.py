@@ -118,7 +118,8 @@ def statics_system(linkage: Linkage) -> System:
     """
     model = equations_of(linkage)
     names = [x.name for x in model.coordinates]
-    matrices = [named(model, "force", model.applied, "N", "applied forces, f", rows=names)]
+    force = [model.force.get(x.symbol, ZERO) for x in model.coordinates]
+    matrices = [named(model, "force", force, "N", "applied forces, f", rows=names)]
     matrices += [*linearised(model, model.constraints), *metric_of(model)]
     return analysis_of(
         model, "statics", matrices, [Export(m.name, m.description, (m.name,)) for m in matrices]

@@ -35,7 +35,7 @@ _AT_START = "the equilibrium at the start"
 
 
 def _in_motion(d: Description, name: str, when: str) -> str:
-    """Return that there is no equilibrium, since a ground point or the drive of a constraint moves."""
+    """Return that there is no equilibrium, since a ground point or a drive moves; ``when`` has a verb."""
     if name in d.ground:
         label, remedy = f"the ground point {name}", f"Omit points.{name}.motion"
     else:
@@ -48,7 +48,7 @@ def _in_motion(d: Description, name: str, when: str) -> str:
                 keys = ('crank.angle="30 deg" --set ' if prescribed else "") + 'crank.speed="0 rpm"'
             remedy = f"Give the drive a constant value, such as --set {keys}"
     return (
-        f"there is no equilibrium while a drive is in motion: {label} moves {when}\n"
+        f"there is no equilibrium while a drive is in motion: {label} {when}\n"
         f"  {remedy}, or compute kinematics or the motion."
     )
 
@@ -66,7 +66,7 @@ def never_rests(evaluator: Evaluator, left_out: str = "") -> str | None:
         drift = np.ravel(evaluator.blocks("velocity_constraints", 0.0, q, rest)["velocity_constraints"])
         rows = zip(d.constraints, drift, strict=True)
         moving += [name for name, x in rows if x and name in d.steady and name != f"{left_out}_drive"]
-    return _in_motion(d, moving[0], "at all times") if moving else None
+    return _in_motion(d, moving[0], "moves at all times") if moving else None
 
 
 def resting(model: Any, begun: Start) -> Start:
@@ -86,7 +86,7 @@ def resting(model: Any, begun: Start) -> Start:
         if reason:
             raise ModelError(reason)
         constraints = model.constraints()
-        at_rest(constraints, begun.q, 0.0, starting=True)
+        at_rest(constraints, begun.q, 0.0, drives=True, ground=True)
         statics = Statics(constraints, model.analysis("statics"), 0.0, None)
         rest = describe(statics, *find(statics, statics.pose(begun.q, begun.u), True))
     except (ModelError, SimulationError) as error:
@@ -104,8 +104,13 @@ def remarks(rest: Equilibrium | None) -> Iterator[str]:
         yield f"{_AT_START} is unstable: rounding alone leads away from it"
 
 
-def at_rest(constraints: Constraints, q: Array, t: float, starting: bool = False) -> None:
-    """Check that no drive and no ground point is in motion at the time t; ``starting``: it may accelerate.
+def at_rest(
+    constraints: Constraints, q: Array, t: float, *, drives: bool = False, ground: bool = False
+) -> None:
+    """Check that no drive and no ground point is in motion at the time t.
+
+    ``drives`` and ``ground`` may accelerate. A pose of balance is that of their values; accelerations of
+    drives are no part of its forces, but those of ground points are part of its reactions.
 
     Raises
     ------
@@ -113,21 +118,20 @@ def at_rest(constraints: Constraints, q: Array, t: float, starting: bool = False
         Naming what moves.
     """
     d, rest = constraints.description, np.zeros(constraints.n)
-    moving = [
-        name
-        for name, rate, second in zip(
-            d.constraints, constraints.drift(q, t), constraints.gamma(q, rest, t), strict=True
-        )
-        if rate != 0.0 or (second != 0.0 and not starting)
-    ]
+    moving: dict[str, bool] = {}  # or accelerating
+    for name, rate, second in zip(
+        d.constraints, constraints.drift(q, t), constraints.gamma(q, rest, t), strict=True
+    ):
+        if rate != 0.0 or (second != 0.0 and not drives):
+            moving[name] = rate != 0.0
     rates = constraints.evaluator.blocks("points", t, q, rest)["velocities"]
     work = np.zeros(constraints.evaluator.work_size + constraints.n + constraints.m + 1)
     second = constraints.evaluator.blocks("point_accelerations", t, q, rest, work)["point_accelerations"]
     for i, name in enumerate(d.points):
-        if name in d.ground and (np.any(rates[i]) or (np.any(second[i]) and not starting)):
-            moving.insert(0, name)
-    if moving:
-        raise ModelError(_in_motion(d, moving[0], f"at t = {t:g} s"))
+        if name in d.ground and (np.any(rates[i]) or (np.any(second[i]) and not ground)):
+            moving = {name: bool(np.any(rates[i])), **moving}
+    for name, moves in moving.items():
+        raise ModelError(_in_motion(d, name, f"{'moves' if moves else 'accelerates'} at t = {t:g} s"))
 
 
 def find(statics: Statics, q: Array, stable: bool) -> tuple[Array, Linearised]:

@@ -30,7 +30,7 @@ class LinkageStepper(Stepper):
 
     @cached_property
     def _redundant(self) -> tuple[int, ...]:
-        redundant: tuple[int, ...] = self._model._stored_start().redundant
+        redundant: tuple[int, ...] = self._model._assembled().redundant
         return redundant
 
     @cached_property
@@ -52,10 +52,8 @@ class LinkageStepper(Stepper):
 
     def _new(self, state: State | None) -> tuple[Any, Any, float, Array, dict[str, Any]]:
         model = self._model
-        t, y = 0.0, model._stored_start().y
-        if state is not None:
-            state = self._own(state)
-            t, y = finite(state)
+        state = None if state is None else self._own(state)
+        t, y = (0.0, model._stored_start().y) if state is None else finite(state)
         evaluator = model.counting(state).evaluator
         view = evaluator.equations(len(self._redundant))
         if self._law is not None:

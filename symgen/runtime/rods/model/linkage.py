@@ -76,22 +76,26 @@ class LinkageModel(Model):
     def _begun(self) -> Start:
         """Find the start at the parameters of the model."""
 
+    def _assembled(self) -> Start:
+        """Return the start: the stored one, unless a parameter has changed. It may not rest yet."""
+        if self._start is None:
+            d = self.description
+            if self.is_changed or not d.start:
+                self._start = self._begun()
+            else:
+                q, u = np.split(np.array(d.start), 2)
+                self._start = Start(q, u, d.redundant, d.rank_tolerance)
+        return self._start
+
     def _stored_start(self) -> Start:
-        """Return the start: the stored one, unless a parameter has changed, or the equilibrium near it."""
-        if self._start is not None:
-            return self._start
-        d = self.description
-        if self.is_changed or not d.start:
-            begun = self._begun()
-        else:
-            q, u = np.split(np.array(d.start), 2)
-            begun = Start(q, u, d.redundant, d.rank_tolerance)
-        if d.at_equilibrium:
+        """Return the start, or the equilibrium near it if the scene requests one."""
+        begun = self._assembled()
+        if self.description.at_equilibrium and begun.rest is None:
             from symgen.runtime.rods.equilibrium import remarks, resting
 
             begun = resting(self, begun)
             self._note(remarks(begun.rest))
-        self._start = begun
+            self._start = begun
         return begun
 
     def _note(self, notes: Iterable[str]) -> None:
@@ -163,7 +167,9 @@ class LinkageModel(Model):
         d = self.description
         for name in values:
             check_known(name, d.states, f"{self.name} has no state")
-        first = self._stored_start().u[d.of_points :] if d.states else np.zeros(0)
+        first = np.zeros(len(d.states))
+        if not set(d.states) <= set(values):
+            first = self._stored_start().u[d.of_points :]
         pairs = zip(d.states, first, strict=True)
         return np.array([real(values.get(name, x), f"{self.name}: {name}") for name, x in pairs])
 

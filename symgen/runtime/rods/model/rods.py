@@ -82,7 +82,7 @@ class RodModel(LinkageModel):
     @property
     def redundant(self) -> tuple[str, ...]:
         """Labels of the constraints that follow from the others in every pose."""
-        return tuple(self.description.labels[i] for i in self._stored_start().redundant)
+        return tuple(self.description.labels[i] for i in self._assembled().redundant)
 
     def _solution(self, t: float, q: Array, u: Array, typed: bool = False) -> tuple[Array, tuple[int, ...]]:
         """Return accelerations and multipliers at a state, and the numbers of those that are not unique.
@@ -91,7 +91,7 @@ class RodModel(LinkageModel):
 
         ``typed`` selects the number type of the model, otherwise doubles.
         """
-        redundant = self._stored_start().redundant
+        redundant = self._assembled().redundant
         equations = self.evaluator.equations(len(redundant))
         row = np.concatenate([q, u, [0.0, 0.0]])
         status = equations.check(t, row)
@@ -117,8 +117,8 @@ class RodModel(LinkageModel):
     def _accelerations(self, state: State | None = None) -> Accelerations:
         if (counting := self.counting(state)) is not self:
             return counting._accelerations(state)
-        d, begin = self.description, self._stored_start()
-        at = (0.0, begin.q, begin.u) if state is None else (state.t, state.q, state.u)
+        d, begin = self.description, self.initial_state() if state is None else state
+        at = begin.t, begin.q, begin.u
         work, open_rows = self._solution(*at, typed=True)
         of_points = self.evaluator.blocks("point_accelerations", *at, work)
         points = dict(zip(d.points, of_points["point_accelerations"], strict=True))
@@ -277,7 +277,7 @@ class RodModel(LinkageModel):
         if evaluator is self.evaluator:
             return self
         model = self.with_parameters()
-        model._start, model.evaluator = self._stored_start(), evaluator
+        model._start, model.evaluator = self._assembled(), evaluator
         return model
 
     @takes(LinkageForces)
@@ -298,7 +298,7 @@ class RodModel(LinkageModel):
 
         begin, constraints = self.initial_state() if state is None else state, self.constraints()
         when = begin.t if at is None else float(at)
-        at_rest(constraints, begin.q, when)
+        at_rest(constraints, begin.q, when, drives=True)
         if not (self.description.freedom or self.description.states):
             begin = self.reached(when, begin)
         statics = Statics(constraints, self.analysis("statics"), when, begin.references)
@@ -328,7 +328,7 @@ class RodModel(LinkageModel):
 
                 return controlled_run(self, request, chosen)
             tangent = self.analysis("tangent", stepping=True) if chosen.method.needs_tangent else None
-            start, kernels = self._stored_start(), self.counting(request.state).evaluator
-            t, y = (0.0, start.y) if request.state is None else finite(request.state)
+            t, y = (0.0, self._stored_start().y) if request.state is None else finite(request.state)
+            kernels, redundant = self.counting(request.state).evaluator, self._assembled().redundant
             recorded = (request.keeping(), tangent, request.t_eval, request.state)
-            return run(kernels, t, y, start.redundant, chosen, request.progress, self.number_type, *recorded)
+            return run(kernels, t, y, redundant, chosen, request.progress, self.number_type, *recorded)
