@@ -292,7 +292,7 @@ def _work_on_links(linkage: Linkage) -> bool:
 def elastic_info(linkage: Linkage) -> ElasticInfo:
     """Return the elastic links of a linkage."""
     from symgen.elements import ELEMENTS
-    from symgen.models.elastic.couples import couples, rotations, welded_to_bodies
+    from symgen.models.elastic.couples import couples, read_by, rotations, welded_to_bodies
     from symgen.models.elastic.links import loads_along, lumps
     from symgen.pipeline.user_model import definition_of
     from symgen.runtime.kernels.elastic_description import BeamInfo, ElasticInfo, JointInfo
@@ -366,6 +366,7 @@ def elastic_info(linkage: Linkage) -> ElasticInfo:
         states=states,
         prescribed=crank is not None and crank.prescribed,
         couples=tuple(names for *_, names in acting),
+        reads=tuple(read_by(linkage, couple) for couple in acting),
         rotations=rotations(linkage),
         welds=tuple(weld.name for weld in linkage.welded_angles),
         body_welds=tuple(weld.name for weld in welded_to_bodies(linkage)),

@@ -7,10 +7,10 @@ from collections.abc import Callable, Container, Iterator, Mapping
 import sympy as sp
 
 from symgen.loads.load import Load
-from symgen.loads.measure import RATE, VALUE, LoadTerm
+from symgen.loads.measure import RATE, RATES, VALUE, VALUES, LoadTerm
 from symgen.mechanics.elastic.shaft import ROTATION, couple
 from symgen.models.rods.linkage import RodsModel
-from symgen.scene.rods.linkage import Linkage, WeldedAngle, state_symbol
+from symgen.scene.rods.linkage import Linkage, WeldedAngle, state_of, state_symbol
 
 Renaming = Callable[[sp.Expr], sp.Expr]
 Couple = tuple[Load, LoadTerm, tuple[str, ...]]
@@ -25,6 +25,20 @@ def couples(linkage: Linkage) -> Iterator[Couple]:
                 links = [name for _, name in term.on.links if name]
                 at = term.on.section
                 yield load, term, tuple(at if (k, at) in welded else f"{k}.{at}" for k in links)
+
+
+def read_by(linkage: Linkage, acting: Couple) -> tuple[str, ...]:
+    """Return the points that the law of a couple reads, "" for the rotation of its sections among them."""
+    load, term, _ = acting
+    (torque,) = term.total
+    own = {load.name, *(name for _, name in term.on.links)}
+    owners = dict.fromkeys(str(s.name).partition(".")[0] for s in state_of(torque))
+    points = [""] if torque.has(*VALUES, *RATES) or own.intersection(owners) else []
+    ends = {link.name: (link.start, link.end) for link in linkage.links}
+    for owner in (name for name in owners if name not in own):
+        measure = linkage.measure(owner)
+        points += (point for _, point in measure.points) if measure else ends.get(owner, (owner,))
+    return tuple(dict.fromkeys(points))
 
 
 def rotations(linkage: Linkage) -> tuple[str, ...]:

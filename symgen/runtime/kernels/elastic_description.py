@@ -118,7 +118,8 @@ class ElasticInfo:
     ``damps_all``: the one ratio of modal damping is that of all modes.
     ``prescribed``: the angle of the crank is a function of the time, and its speed zero.
     ``couples`` has for each couple on sections of elastic links the rotations on which it acts, one or two;
-    ``rotations`` are these, each once, in the order of the kernel ``joints``.
+    ``rotations`` are these, each once, in the order of the kernel ``joints``. ``reads`` has the points that
+    the law of each couple reads, and "" if it reads the rotation of its sections.
     ``welds`` are the names of the constraints that keep the angles of welded links; ``body_welds`` those of
     them that weld elastic links to rigid ones, in the elastic motion, and ``welded_bodies`` the points and
     the rigid links of these.
@@ -143,6 +144,7 @@ class ElasticInfo:
     damps_all: bool = False
     prescribed: bool = False
     couples: tuple[tuple[str, ...], ...] = ()
+    reads: tuple[tuple[str, ...], ...] = ()
     rotations: tuple[str, ...] = ()
     welds: tuple[str, ...] = ()
     body_welds: tuple[str, ...] = ()

@@ -30,6 +30,7 @@ from symgen.runtime.elastic.large.supports import (
     Supports,
     divided,
     gravity_of,
+    posed_by,
     posed_shaft,
     rotation_of,
     welds_to_bodies,
@@ -74,7 +75,7 @@ class LargeLinkage(RestingSystem):
         self._sections = {name: rotation_of(self.links, name) for name in motion.info.rotations}
         acted = {name for couple in motion.info.couples for name in couple}
         self._couples = [
-            (k, self._sections[name], Posed(motion, self._acting(name)), Counted(self._rigid))
+            (k, self._sections[name], posed_by(motion, self._sections, name), Counted(self._rigid))
             for k, name in enumerate(motion.info.rotations)
             if name in acted
         ]
@@ -155,11 +156,6 @@ class LargeLinkage(RestingSystem):
         line = LinkSection(beam.info.link, beam.info.start, beam.info.end, beam.properties.length)
         free = self.motion.rigid.description.free
         return Posed(self.motion, [line] if {line.start, line.end} & set(free) else [])
-
-    def _acting(self, name: str) -> list[LinkSection]:
-        """Return the sections on whose rotations the couples on one of them depend, this one first."""
-        among = (other for couple in self.motion.info.couples if name in couple for other in couple)
-        return [self._sections[other] for other in dict.fromkeys((name, *among))]
 
     def start(self) -> MotionState:
         """Return positions and rates at t = 0, of straight links with the velocities of rigid links."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -65,6 +65,33 @@ def section_of(links: Sequence[LargeLink], link: str, point: str) -> LinkSection
     info = link_number.beam.info
     place = int(link_number.places[info.joint_nodes[info.points.index(point)], 2])
     return LinkSection(link, info.start, info.end, link_number.beam.properties.length, place)
+
+
+def posed_by(motion: ElasticMotion, sections: Mapping[str, LinkSection], name: str) -> Posed:
+    """Return the calls of kernels for the couples on a section: with the links of all their sections posed.
+
+    Where no law reads a rotation, links stay between their ends.
+
+    Raises
+    ------
+    ModelError
+        For laws that also read the place of an end that is moved for a rotation.
+    """
+    info = motion.info
+    acting = [of for of in zip(info.couples, info.reads, strict=True) if name in of[0]]
+    read = {point for _, points in acting for point in points}
+    if "" not in read:
+        return Posed(motion, [])
+    among = dict.fromkeys((name, *(other for names, _ in acting for other in names)))
+    posed = Posed(motion, [sections[other] for other in among])
+    if both := [(section.link, point) for section, point in posed.moves if point in read]:
+        link, point = both[0]
+        raise ModelError(
+            f"{motion.rigid.name}: couples on {name} read the rotation of a section of {link} and the place "
+            f"of {point}, which elements in large rotation do not support together\n"
+            "  Write the law with one of them."
+        )
+    return posed
 
 
 def posed_shaft(motion: ElasticMotion, crank: LargeLink) -> Posed:
