@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from symgen.runtime.arrays import Array
-from symgen.runtime.integrate.redundancy import motions_of, scaled_jacobian
+from symgen.runtime.integrate.redundancy import motions_of
 from symgen.runtime.kernels.evaluate import Evaluator
 
 #: Remedy where drives do not determine the motion.
@@ -57,7 +57,7 @@ def _idle(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float) -> C
     )
     if np.isfinite(tried[0]).all() and not poles:
         return None
-    d, drives = evaluator.description, _drives(evaluator)
+    d, drives = evaluator.description, drives_of(evaluator)
     moved = ", ".join(d.labels[i].removeprefix("the motion of ") for i in motions_of(d))
     return Cause(
         f"{drives} cannot move {moved} there: it is at a dead point, or moves another part",
@@ -65,34 +65,7 @@ def _idle(evaluator: Evaluator, t: float, q: Array, u: Array, reach: float) -> C
     )
 
 
-def dead_points(evaluator: Evaluator, times: Array, states: Array) -> Iterator[str]:
-    """Yield between which states (q, ...) of a linkage without freedom efforts pass a pole.
-
-    The drives are at a dead point there: the determinant of their rates by those of the prescribed quantities
-    changes its sign.
-    """
-    if not evaluator.efforts or evaluator.description.freedom or len(times) < 2:
-        return
-    order = np.argsort(times, kind="stable")
-    times, q = times[order], states[order, : evaluator.description.coordinates]
-    signs = np.sign([_transmission(evaluator, t, pose) for t, pose in zip(times.tolist(), q, strict=True)])
-    for i in np.flatnonzero(signs[:-1] * signs[1:] < 0).tolist():
-        yield (
-            f"between t = {times[i]:.9g} s and {times[i + 1]:.9g} s there is a dead point of "
-            f"{_drives(evaluator)}: next to it efforts grow without bounds"
-        )
-
-
-def _transmission(evaluator: Evaluator, t: float, q: Array) -> float:
-    """Return the determinant of the rates of the drives by those of the prescribed quantities at a pose."""
-    d = evaluator.description
-    unit = np.eye(len(d.labels))[:, motions_of(d)]
-    rates = np.linalg.lstsq(scaled_jacobian(evaluator, t, q)[0], unit, rcond=None)[0]
-    pushes = evaluator("effort_forces", t, q, np.zeros_like(q)).reshape(len(q), -1)
-    return float(np.linalg.det(pushes.T @ rates))
-
-
-def _drives(evaluator: Evaluator) -> str:
+def drives_of(evaluator: Evaluator) -> str:
     """Return the names of the drives of unknown effort."""
     return ", ".join(name.rpartition(".")[0] for name in evaluator.efforts)
 

@@ -186,7 +186,7 @@ def _neighbours(evaluator: Evaluator, q: Array, driven: list[int]) -> list[tuple
     for k in range(_NEIGHBOURS):
         direction = np.random.default_rng(k).standard_normal(len(free)) @ free
         start = q + _AWAY * size * direction / np.max(np.abs(direction))
-        near = _onto(evaluator, 0.0, start, size, driven)
+        near = onto(evaluator, 0.0, start, size, driven)
         if near is not None:
             neighbours.append((0.0, near))
     return neighbours
@@ -195,7 +195,7 @@ def _neighbours(evaluator: Evaluator, q: Array, driven: list[int]) -> list[tuple
 def _later(evaluator: Evaluator, q: Array, size: float) -> list[tuple[float, Array]] | None:
     """Return times and poses in the first part of the run; None if the linkage stays where it is."""
     times = [_AWAY * evaluator.description.t_end * (k + 1) for k in range(_NEIGHBOURS)]
-    poses = [(t, _onto(evaluator, t, q, size, [])) for t in times]
+    poses = [(t, onto(evaluator, t, q, size, [])) for t in times]
     if all(pose is not None and np.max(np.abs(pose - q)) <= ASSEMBLED * size for _, pose in poses):
         return None
     return [(t, pose) for t, pose in poses if pose is not None]
@@ -232,7 +232,7 @@ def _negligible(evaluator: Evaluator, q: Array) -> float:
     return max(_NEGLIGIBLE, _MARGIN * evaluator.description.assembly_tolerance / extent(evaluator, q))
 
 
-def _onto(evaluator: Evaluator, t: float, q: Array, size: float, but: list[int]) -> Array | None:
+def onto(evaluator: Evaluator, t: float, q: Array, size: float, but: list[int]) -> Array | None:
     """Bring coordinates onto the constraints but some, as well as these allow if they contradict."""
     least = _negligible(evaluator, q)
 

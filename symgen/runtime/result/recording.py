@@ -10,7 +10,7 @@ import numpy as np
 
 from symgen.runtime import _core
 from symgen.runtime.arrays import Array, Indices
-from symgen.runtime.integrate.causes import dead_points
+from symgen.runtime.integrate.dead_points import dead_points
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.redundancy import CLOSED, SelfStress, extent, not_unique, slack, violation
 from symgen.runtime.kernels.description import Description, KernelInfo

@@ -12,7 +12,8 @@ import numpy as np
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.arrays import Array
-from symgen.runtime.integrate.causes import cause, dead_points
+from symgen.runtime.integrate.causes import cause
+from symgen.runtime.integrate.dead_points import dead_points
 from symgen.runtime.kernels.arguments import count, reals
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.model.arguments import LinkageForces

@@ -9,7 +9,7 @@ import numpy as np
 
 from symgen.errors import ModelError, SimulationError
 from symgen.runtime.arrays import Array
-from symgen.runtime.integrate.causes import dead_points
+from symgen.runtime.integrate.dead_points import dead_points
 from symgen.runtime.model.arguments import LinkageForces
 from symgen.runtime.result.forces import Forces
 from symgen.runtime.result.records import Variable, converters
