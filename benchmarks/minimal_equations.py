@@ -265,21 +265,19 @@ RSSR = {"crank": "0.1", "rod": "0.45", "rocker": "0.3", "distance": "0.35", "ris
 LINE, RADIUS = "1.2", "0.008"
 
 
-def rssr(of: Any, number: Callable[[str], Any]) -> Rates:
-    """Return the rates of the crank angle of a crank-rocker between skew axes and of its rate, under gravity.
+def rssr_tips(of: Any, number: Callable[[str], Any]) -> Callable[[Real], list[list[Jet]]]:
+    """Return the balls of crank and rocker, each from its axis, and the rod from one to the other.
 
-    The axis of the crank is that of z. The ball of the rocker, of angle b, is at p - r cos(b) x + r sin(b) y'
-    with y' and p in the plane across x; its distance from that of the crank gives cos(b) and sin(b). The rod
-    does not spin about its line.
+    They are a function of the crank angle. The axis of the crank is that of z. The ball of the rocker, of
+    angle b, is at p - r cos(b) x + r sin(b) y' with y' and p in the plane across x; its distance from that
+    of the crank gives cos(b) and sin(b).
     """
     r1, l, r, c, s = (number(RSSR[name]) for name in ("crank", "rod", "rocker", "cos", "sin"))
     p = [Jet(number(RSSR["distance"])), Jet(-number(RSSR["rise"]) * s), Jet(-number(RSSR["rise"]) * c)]
-    masses = [number(LINE) * x for x in (r1, l, r)]
-    moment = masses[1] * (3 * number(RADIUS) ** 2 + l * l) / (12 * l * l)
     zero = number("0")
 
-    def rates(y: list[Real]) -> list[Real]:
-        cos, sin = r1 * of.cos(y[0]), r1 * of.sin(y[0])
+    def tips(angle: Real) -> list[list[Jet]]:
+        cos, sin = r1 * of.cos(angle), r1 * of.sin(angle)
         near = [Jet(cos, -sin, -cos), Jet(sin, cos, -sin), Jet(zero)]
         gap = [a - b for a, b in zip(p, near, strict=True)]
         # |gap|^2 + r^2 - l^2 = 2 r (gap_x cos b - gap_y' sin b)
@@ -290,7 +288,22 @@ def rssr(of: Any, number: Callable[[str], Any]) -> Rates:
         root = (size - lack * lack).root(of.sqrt)
         x, z = (along * lack + across * root) / size, (along * root - across * lack) / size
         arm = [Jet(-r) * x, Jet(r * c) * z, Jet(-r * s) * z]
-        rod = [a + b for a, b in zip(gap, arm, strict=True)]
+        return [near, arm, [a + b for a, b in zip(gap, arm, strict=True)]]
+
+    return tips
+
+
+def rssr(of: Any, number: Callable[[str], Any]) -> Rates:
+    """Return the rates of the crank angle of a crank-rocker between skew axes and of its rate, under gravity.
+
+    The rod does not spin about its line.
+    """
+    tips, l = rssr_tips(of, number), number(RSSR["rod"])
+    masses = [number(LINE) * number(RSSR[name]) for name in ("crank", "rod", "rocker")]
+    moment = masses[1] * (3 * number(RADIUS) ** 2 + l * l) / (12 * l * l)
+
+    def rates(y: list[Real]) -> list[Real]:
+        near, arm, rod = tips(y[0])
         middle = [a + Jet(number("0.5")) * b for a, b in zip(near, rod, strict=True)]
         weights = ((near, masses[0] / 3), (arm, masses[2] / 3), (middle, masses[1]), (rod, moment))
         parts = [(x, w) for xs, w in weights for x in xs]

@@ -127,7 +127,7 @@ class Case:
 
         start = np.array(self.start(), dtype=float)
         programs = [heyoka_peer.Program("minimal equations", rates, start, place)]
-        if isinstance(self.scene, symgen.Scene) and self.scene.points:
+        if isinstance(self.scene, symgen.Scene) and self.scene.points and not self.scene.start.rates:
             programs.append(heyoka_peer.from_record(self.scene))
         return programs
 
@@ -234,6 +234,36 @@ def free_rssr() -> Case:
     )
 
 
+def free_rssr_of_points() -> Case:
+    """Return the same crank-rocker by its two balls, each on rods to two points of an axis."""
+    size = {name: mpmath.mpf(x) for name, x in minimal.RSSR.items()}
+    near, _, rod = ([x.value for x in xs] for xs in minimal.rssr_tips(mpmath, mpmath.mpf)(mpmath.mpf("0.5")))
+    at = {
+        "P0": (0, 0, 0),
+        "P1": (0, 0, size["rise"]),
+        "Q0": (size["distance"], -size["rise"] * size["sin"], -size["rise"] * size["cos"]),
+        "Q1": (size["distance"], 0, 0),
+        "A": near,
+        "B": [a + b for a, b in zip(near, rod, strict=True)],
+    }
+    points = {
+        p: {"at": [f"{mpmath.nstr(mpmath.mpf(x), 17)} m" for x in place], "ground": p[0] in "PQ"}
+        for p, place in at.items()
+    }
+    ends = {"crank": ["P0", "A"], "rod": ["A", "B"], "rocker": ["Q0", "B"]}
+    mass = {name: mpmath.mpf(minimal.LINE) * size[name] for name in ends}
+    links = {name: {"points": p, "mass": f"{mpmath.nstr(mass[name], 17)} kg"} for name, p in ends.items()}
+    moment = mass["rod"] * (3 * mpmath.mpf(minimal.RADIUS) ** 2 + size["rod"] ** 2) / 12
+    links["rod"]["inertia"] = f"{mpmath.nstr(moment, 17)} kg*m^2"
+    links |= {p + q: {"points": [p, q], "mass": "0 kg"} for p, q in (("P1", "A"), ("Q1", "B"))}
+
+    def place(y: Sequence[Real]) -> list[Real]:
+        return [x.value for x in minimal.rssr_tips(mpmath, mpmath.mpf)(y[0])[0]]
+
+    scene = _scene(points, links, start={"rates": {"crank": ["0 rad/s", "0 rad/s", "3 rad/s"]}})
+    return replace(free_rssr(), name="free RSSR of points", scene=scene, point="A", place=place, size=0.1)
+
+
 def drawn_four_bar() -> Case:
     """Return a four-bar linkage, released at rest from places and with masses that doubles hold exactly."""
     at = {"P0": ("0", "0"), "A": ("0.5", "0.875"), "B": ("2.25", "1.5"), "C": ("2", "0")}
@@ -269,6 +299,7 @@ def cases() -> list[Case]:
         linkage("andrews_squeezer", "E", minimal.ANDREWS, "0.03", 0.07),
         pendulum_in_space(),
         free_rssr(),
+        free_rssr_of_points(),
     ]
 
 

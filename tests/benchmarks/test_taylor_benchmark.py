@@ -22,7 +22,8 @@ def motions(load):
 
 
 NAMES = ("chain of 3, 2 s", "chain of 10, 2 s", "peaucellier, 1 s", "four bar, 2 s", "andrews squeezer, 0.03 s",
-         "pendulum in space, 2 s", "free RSSR, 2 s", "two rods, 10 s", "drawn four bar, 1 s")  # fmt: skip
+         "pendulum in space, 2 s", "free RSSR, 2 s", "free RSSR of points, 2 s", "two rods, 10 s",
+         "drawn four bar, 1 s")  # fmt: skip
 
 
 def motion(motions, key):
