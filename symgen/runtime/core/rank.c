@@ -3,6 +3,9 @@
 
 #include <string.h>
 
+/* Part of a step outside of a run at which pivots are evaluated. */
+#define OUTSIDE R(0.125)
+
 /* Whether the polynomial of the present step holds at a time, which may be before it: a series does as far back as it may
    ahead, but not across a jump of a load. */
 static int is_polynomial(const struct run *run, real t) {
@@ -64,6 +67,15 @@ static int parts_of_step(const struct run *run, real h) {
     return run->scheme.kind->parts ? run->scheme.kind->parts(run, h) : STEP_PROBES;
 }
 
+/* Whether pivots, which fall to `at` at the first or last instant of a run, still fall to a time a little outside of it, by
+   the polynomial of the step: their minimum is not in the run then. */
+static int fall_on(struct run *run, double at, real outside, real t_new) {
+    if (!(at > PASSAGE && is_polynomial(run, outside)))
+        return 0;
+    const double there = soundness(run, outside, t_new);
+    return 0 < there && there < at;
+}
+
 /* Find the least pivots inside the step to t_new. The pivots of a tree do not cancel at all, so there is nothing to
    follow. */
 void look_inside(struct run *run, real t_new) {
@@ -86,6 +98,7 @@ void watch_rank(struct run *run, real t_new, double sound) {
     struct account *account = run->e->account;
     const struct account at_end = *account;
     const int parts = parts_of_step(run, t_new - s->t);
+    const real outside = OUTSIDE * (t_new - s->t);
     if (run->e->m == 0 || (s->sound == 1.0 && sound == 1.0))
         return;
     if (s->t_looked != t_new || s->looked == INFINITY)
@@ -93,12 +106,13 @@ void watch_rank(struct run *run, real t_new, double sound) {
     for (int k = 1; k <= parts; k++) {
         real t = s->t + R(k) * (t_new - s->t) / R(parts);
         double at = k == parts ? sound : s->looks[k - 1];
-        if (s->at_look <= s->at_before && s->at_look < at)
+        const int is_first = s->t_before == s->t_look;
+        if (s->at_look <= s->at_before && s->at_look < at && !(is_first && fall_on(run, s->at_look, s->t - outside, t_new)))
             look_for_passage(run, s->t_before, t, t_new);
         s->t_before = s->t_look, s->at_before = s->at_look;
         s->t_look = t, s->at_look = at;
     }
-    if (is_last(run, t_new) && s->at_look < s->at_before)
+    if (is_last(run, t_new) && s->at_look < s->at_before && !fall_on(run, s->at_look, t_new + outside, t_new))
         look_for_passage(run, s->t_before, t_new, t_new);
     if (run->e->of->look == NULL)
         run->e->of->factorise(run->e, t_new, run->y_new);
