@@ -40,7 +40,7 @@ LIGHTLY = {f"{WRITTEN}/symgen/": 1, f"{WRITTEN}/generated/": "g"}
 
 # Headers of the core with what bindings use; a structure stands before those that contain it.
 HEADERS = (
-    "equations run envelope system kinematics qr balls loop loops loop_lanes lane_runs start start_lanes "
+    "equations run envelope system kinematics qr balls loop loops loop_lanes lane_runs start "
     "variations elastic_columns rigid_motion beams elastic lane_functions core"
 )
 # What a header declares: structures with and without their members, whole numbers, other numbers, and texts.
@@ -51,7 +51,8 @@ INTERFACE = re.compile(
     re.MULTILINE | re.DOTALL,
 )
 # Names in Cython of numbers and functions of the core, and types besides its structures.
-NUMBERS = {"real": "double", "wide": "double", "ptrdiff_t": "Py_ssize_t", "kernel": "kernel_t"}
+NUMBERS = {"real": "double", "wide": "double", "kernel": "kernel_t"}
+NUMBERS |= {"ptrdiff_t": "Py_ssize_t", "mask": "Py_ssize_t"}
 PLAIN = {*NUMBERS.values(), "long", "int", "size_t", "void", "char", "unsigned char", "signed char"}
 KERNEL = "void (*kernel_t)(" + 4 * "const double *, " + "double *, double *) noexcept nogil"
 

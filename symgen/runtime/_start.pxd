@@ -2,7 +2,7 @@
 
 from symgen.runtime._headers cimport (
     start_kernels, start_sizes, _STARTED, _ON_THE_WAY, _UNASSEMBLED, _TOO_TOLERANT, _OTHER_SIDE, MOST_TOLERANCE,
-    start, start_lanes, start_lane_kernels, start_lanes_api, start_api,
+    start, start_api,
 )
 from symgen.runtime._core cimport Memory, kernel_t
 

@@ -142,28 +142,29 @@ cdef class StartLanes:
         Numbers of a vector, and of tunable parameters.
     """
 
-    cdef start_lanes *core
+    cdef start *core
     cdef Memory memory
-    cdef const start_lanes_api *api
+    cdef const start_api *api
     cdef start_sizes sizes
+    cdef start_kernels functions
     cdef Py_ssize_t lanes, parameters
     cdef object library
 
     def __init__(self, Starter like, library: Library, Py_ssize_t lanes, Py_ssize_t parameters):
-        cdef start_lane_kernels functions
-        cdef Py_ssize_t every = parameters + library.derived + 1
         self.library, self.sizes, self.lanes, self.parameters = library, like.sizes, lanes, parameters
         self.api = functions_of(lanes).starts
+        self.sizes.m, self.sizes.prescribed = 0, 0
+        self.sizes.parameters, self.sizes.derived = parameters, library.derived
         own = library.addresses
-        functions.setup, functions.drawn = kernel_of(own, "setup"), kernel_of(own, "drawn")
-        functions.assembly, functions.points = kernel_of(own, "assembly"), kernel_of(own, "points")
-        if functions.drawn == NULL or functions.assembly == NULL or functions.points == NULL:
+        self.functions.setup, self.functions.drawn = kernel_of(own, "setup"), kernel_of(own, "drawn")
+        self.functions.assembly, self.functions.points = kernel_of(own, "assembly"), kernel_of(own, "points")
+        if self.functions.drawn == NULL or self.functions.assembly == NULL or self.functions.points == NULL:
             raise ValueError("expected the kernels of an assembly")
         if not 0 < self.sizes.n <= self.sizes.rows:
             raise ValueError(f"expected {self.sizes.n} rows of the assembly or more, got {self.sizes.rows}")
-        self.memory = memory_of(self.api.lanes_struct, self.api.bytes(&self.sizes, every))
-        self.core = <start_lanes *>self.memory.structure
-        self.api.bind(self.core, &self.sizes, &functions, parameters, every, self.memory.at)
+        self.memory = memory_of(self.api.start_struct, self.api.bytes(&self.sizes))
+        self.core = <start *>self.memory.structure
+        self.api.bind(self.core, &self.sizes, &self.functions, NULL, self.memory.at)
 
     def assembled(self, const double[:, ::1] values) -> tuple[Array, NDArray[np.uint8]]:
         """Assemble the linkage for each row of parameters; return coordinates (runs, n) and a flag (runs,).

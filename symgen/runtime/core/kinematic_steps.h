@@ -1,7 +1,20 @@
 /* Steps of driven linkages, of one linkage or of one in each lane of vectors: see kinematic_follow.h. */
 #include "extrapolate.h"
-#include "kinematic_limits.h"
 #include "newton.h"
+
+/* Largest difference of the solution from its prediction, over the predicted motion. */
+#define ASTRAY R(0.1)
+/* Longest step over the size of the linkage. */
+#define LONGEST R(0.1)
+/* Largest factor by which the determinant of a group changes in a step. */
+#define CHANGE R(4)
+/* Below this ratio of the least pivot to the greatest, following ends and the caller searches for singular poses. */
+#define SOUND R(1e-6)
+/* Shortest step over the whole time. */
+#define SHORTEST R(1e-12)
+/* Round-off of a residual over the coordinates. */
+#define ACCEPT (256 * REAL_EPSILON)
+enum { POSE_ITERATIONS = 12 };
 
 /* Evaluate the constraints: Phi over its scale goes into k->phi, 1 / scale into k->weight. Return the largest. */
 static wide constraint_errors(struct kinematics *k, wide t, const wide *q) {

@@ -6,11 +6,11 @@
 #include "kinematics.h"
 #include "lane_runs.h"
 #include "loop_lanes.h"
-#include "start_lanes.h"
+#include "start.h"
 
 struct lane_functions {
     ptrdiff_t width; /* numbers of a vector */
-    const struct start_lanes_api *starts;
+    const struct start_api *starts;
     const struct kinematics_api *kinematics;
     const struct loop_lanes_api *loops;
     const struct lane_runs_api *runs;

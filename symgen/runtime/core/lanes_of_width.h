@@ -1,6 +1,9 @@
 /* The functions of lane_functions.h for vectors of WIDTH doubles, a constant that the including file defines. */
-#include "kinematic_follow.h"
 #include "lane_functions.h"
+
+#define EQUATIONS static inline
+#include "equation_steps.h"
+#include "kinematic_follow.h"
 #include "loop_vectors.h"
 #include "run_vectors.h"
 #include "start_vectors.h"

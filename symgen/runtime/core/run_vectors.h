@@ -6,9 +6,6 @@
 #include "tableau.h"
 #include "wide.h"
 
-#define EQUATIONS static inline
-#include "equation_steps.h"
-
 /* A step from y at t, each lane in its own time; the lanes that are not complete, and those that take the step. */
 struct lane_step {
     wide t, h, t_new;

@@ -1,76 +1,9 @@
-#include "start.h"
-
-#include <string.h>
-
-#include "arena.h"
-#include "start_limits.h"
-#include "wide.h"
+#include "start_steps.h"
 
 /* Singular values below this part of the largest count as zero in the solution for velocities. */
 #define DEPENDENT R(1e-10)
 /* Pivots below this part of the largest may have either sign by rounding. */
 #define STRAIGHT 1e-9
-
-static size_t place(struct start *s, const struct start_sizes *z, void *memory) {
-    const ptrdiff_t of_velocities = z->m + z->prescribed, most = z->rows > of_velocities ? z->rows : of_velocities;
-    const struct arena_array arrays[] = {
-        ARENA_ARRAY(s->q, z->n + 1),
-        ARENA_ARRAY(s->u, z->n + 1),
-        ARENA_ARRAY(s->miss, of_velocities + 1),
-        ARENA_ARRAY(s->trial, z->n + 1),
-        ARENA_ARRAY(s->still, z->n + 1),
-        ARENA_ARRAY(s->change, z->n + 1),
-        ARENA_ARRAY(s->matrix, most * z->n + 1),
-        ARENA_ARRAY(s->right, 2 * most + 1),
-        ARENA_ARRAY(s->beta, z->n + 1),
-        ARENA_ARRAY(s->mass, z->n * z->n + 1),
-        ARENA_ARRAY(s->work, z->work + 1),
-        ARENA_ARRAY(s->out, (z->out > of_velocities * z->n ? z->out : of_velocities * z->n) + 1),
-        ARENA_ARRAY(s->order, z->n + 1),
-    };
-    return ARENA_PLACE(arrays, memory);
-}
-
-static size_t bytes(const struct start_sizes *sizes) {
-    struct start counted;
-    return place(&counted, sizes, NULL);
-}
-
-static void bind(struct start *s, const struct start_sizes *sizes, const struct start_kernels *kernels, const void *p,
-                 void *memory) {
-    place(s, sizes, memory);
-    s->sizes = *sizes;
-    s->kernels = *kernels;
-    s->p = p;
-}
-
-/* Evaluate a kernel at rest; results in s->out. */
-static void evaluate(struct start *s, kernel function, const real *q, const real *u) {
-    const real t = 0;
-    call(function, &t, q, u, s->p, s->work, s->out);
-}
-
-/* Overwrite a matrix A of n columns, stored column by column, by A L^-T for the factor L in s->mass. */
-static void divide_columns(const struct start *s, ptrdiff_t rows, real *a) {
-    const ptrdiff_t n = s->sizes.n;
-    for (ptrdiff_t j = 0; j < n; j++) {
-        real *column = a + rows * j;
-        for (ptrdiff_t k = 0; k < j; k++)
-            add_multiple(rows, -s->mass[j * n + k], a + rows * k, column);
-        for (ptrdiff_t i = 0; i < rows; i++)
-            column[i] /= s->mass[j * n + j];
-    }
-}
-
-/* Solve L^T x = b for the factor L in s->mass; b is overwritten. */
-static void solve_upper(const struct start *s, real *b) {
-    const ptrdiff_t n = s->sizes.n;
-    for (ptrdiff_t i = n - 1; i >= 0; i--) {
-        for (ptrdiff_t j = i + 1; j < n; j++)
-            b[i] -= s->mass[j * n + i] * b[j];
-        b[i] /= s->mass[i * n + i];
-    }
-}
 
 /* Factorise the metric of the corrections. */
 static void weigh(struct start *s) {
@@ -81,21 +14,6 @@ static void weigh(struct start *s) {
     }
     s->weighted = s->kernels.metric != NULL && factor_positive(n, s->mass, 0, 0) == n;
 }
-
-/* Solve the rows of the assembly for the correction of least norm, where singular values below a part of the largest
-   are zero. */
-static mask solve_rows(struct start *s, real part) {
-    const ptrdiff_t rows = s->sizes.rows;
-    if (s->weighted)
-        divide_columns(s, rows, s->matrix);
-    solve_least(rows, s->sizes.n, s->matrix, s->right, part, s->change, s->order, s->beta);
-    if (s->weighted)
-        solve_upper(s, s->change);
-    return 1;
-}
-
-#define START struct start
-#include "start_steps.h"
 
 /* The sign of the determinant of the square assembly Jacobian at a fraction of the path, which is that of the drawing
    everywhere on its assembly branch; zero where it is singular, or not square. */
@@ -217,8 +135,8 @@ static ptrdiff_t velocities(struct start *s, const char *dropped) {
 
 const struct start_api symgen_start = {
     .start_struct = sizeof(struct start),
-    .bytes = bytes,
-    .bind = bind,
+    .bytes = start_bytes,
+    .bind = start_bind,
     .size = size_of_points,
     .extent = extent,
     .begin = begin,

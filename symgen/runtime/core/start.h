@@ -6,7 +6,8 @@
 
 #include "equations.h"
 
-/* Kernels of a start; absent kernels are NULL. */
+/* Kernels of a start; absent kernels are NULL. Those of lanes take one vector where those of a single linkage take a number:
+   assembly and points, and what precedes them. */
 struct start_kernels {
     kernel assembly;    /* residual [m] and its derivative by q, at the fraction u[0] of the path from the drawing */
     kernel points;      /* positions of all points, those that the scene draws first, and more */
@@ -17,6 +18,8 @@ struct start_kernels {
     kernel mass;        /* mass matrix */
     kernel metric;      /* of corrections; NULL for the identity */
     kernel momentum;    /* of the free points by the velocity of the ground alone */
+    kernel setup;       /* quantities that depend on parameters alone, behind them */
+    kernel drawn;       /* the drawn coordinates */
 };
 
 struct start_sizes {
@@ -25,6 +28,7 @@ struct start_sizes {
     ptrdiff_t prescribed;   /* velocities */
     ptrdiff_t points, axes; /* positions of the points that the scene draws */
     ptrdiff_t work, out;    /* numbers of work memory and of results of the largest kernel */
+    ptrdiff_t parameters, derived; /* of lanes: of the scene, and those that `setup` writes behind them */
     double tolerance;       /* assembly tolerance [m], if it exceeds `share` of the size of the linkage */
     double share;
     double size;            /* of a linkage without a drawing [m]; 0 otherwise */
@@ -39,22 +43,28 @@ enum start_status { STARTED, ON_THE_WAY, UNASSEMBLED, TOO_TOLERANT, OTHER_SIDE }
 struct start {
     struct start_kernels kernels;
     struct start_sizes sizes;
-    const real *p; /* owned by the caller */
+    const wide *p; /* owned by the caller, or those of the lanes */
     real at, step; /* fraction of the path from the drawing; the next step */
     int side;      /* of the drawing */
     int weighted;  /* whether `mass` holds the factor of the metric */
-    real *q, *u, *miss;
+    wide *q, *u, *miss;
     real fastest;  /* the largest right-hand side of the rows of velocities */
-    real *trial, *still, *change, *matrix, *right, *beta, *mass, *work, *out;
-    ptrdiff_t *order;
+    wide *own, *trial, *still, *change, *matrix, *right, *beta, *mass, *work, *out;
+    mask *order;
 };
 
-/* Interface of starts: see core.h. */
+/* Interface of starts: see core.h. Of lanes, which have parameters of their own, it has the memory and `assemble`. */
 struct start_api {
     size_t start_struct;
     size_t (*bytes)(const struct start_sizes *sizes);
+    /* The memory starts at a multiple of 64 bytes. */
     void (*bind)(struct start *s, const struct start_sizes *sizes, const struct start_kernels *kernels, const void *p,
                  void *memory);
+    /* Assemble the linkage for a row of parameters in each lane; write rows of coordinates, and whether each is
+       assembled. Every lane sees the operations of `advance` in their order, so its bits are the same. A lane fails if it
+       needs shorter steps, or if its rows of the assembly, at least as many as coordinates, are dependent; the caller then
+       assembles it alone. */
+    void (*assemble)(struct start *s, const real *parameters, real *q, unsigned char *assembled);
     /* The size of a linkage [m] by the positions of its points: twice their largest distance from their mean, which no
        rotation changes; NaN if a position is not finite. */
     real (*size)(ptrdiff_t count, ptrdiff_t axes, const real *positions);
