@@ -39,14 +39,19 @@ static inline long order_of(const long *counts, const struct task *task) {
     return given > 0 ? given : (long)fmax(LOWEST, fmin(ceil(8 - log(wanted)), HIGHEST));
 }
 
-/* Write the first two rows. */
-static inline void begin_series(const struct series *s, const wide *y) {
-    for (ptrdiff_t i = 0; i < s->n; i++)
-        s->rows[i] = y[i], s->rows[s->row + i] = y[s->n + i];
+/* One of two series of equations, whose rows stand one behind the other. */
+static inline struct series series_at(const struct equations *e, long order, wide *rows, long which) {
+    const ptrdiff_t row = e->sizes.series_rows, work = e->extra ? row - 1 - e->sizes.series_watched : -1;
+    return (struct series){e->n, row, work, order, rows + which * rows_of(order) * row};
 }
 
-/* Write dy/dt at y, and the work there to its series. */
-static inline void rates_of_series(const struct series *s, const wide *y, wide *dy) {
+/* Expand the motion from (t, y), at which equations are factorised, up to an order of the accelerations; write dy/dt. */
+static inline void expand_series(struct equations *e, const struct series *s, long order, wide t, const wide *y, wide *dy) {
+    const wide at[] = {t, all(R(order + (e->extra || e->sizes.series_watched)))};
+    for (ptrdiff_t i = 0; i < s->n; i++)
+        s->rows[i] = y[i], s->rows[s->row + i] = y[s->n + i];
+    call(e->kernels.series, at, NULL, NULL, e->p, e->factors, s->rows);
+    e->account->evaluations++;
     for (ptrdiff_t i = 0; i < s->n; i++)
         dy[i] = y[s->n + i], dy[s->n + i] = R(2) * s->rows[2 * s->row + i];
     if (s->work >= 0) {

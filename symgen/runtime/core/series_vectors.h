@@ -2,18 +2,14 @@
 
 /* One of the two series. */
 static struct series series_of(const struct lane_runs *l, long which) {
-    const ptrdiff_t row = l->e.sizes.series_rows, work = l->e.extra ? row - 1 : -1;
-    return (struct series){l->e.n, row, work, l->series.order, l->series.rows + which * rows_of(l->series.order) * row};
+    return series_at(&l->e, l->series.order, l->series.rows, which);
 }
 
 /* As `expand` of taylor.c. */
 static void expand_lanes(struct lane_runs *l, long which, wide t, const wide *y) {
     const struct series s = series_of(l, which);
-    const wide at[] = {t, all(R(s.order - 1 + l->e.extra))};
     lane_factor(l, t, y);
-    begin_series(&s, y);
-    call(l->e.kernels.series, at, NULL, NULL, l->e.p, l->e.factors, s.rows);
-    rates_of_series(&s, y, l->series.f_new);
+    expand_series(&l->e, &s, s.order - 1, t, y, l->series.f_new);
     fail_unless_finite(l, l->series.f_new);
     if (!l->adaptive)
         return;

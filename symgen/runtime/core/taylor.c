@@ -62,9 +62,7 @@ static ptrdiff_t numbers(const long *counts) {
 /* One of the two series. */
 static struct series series_of(const struct run *run, long which) {
     const struct taylor x = taylor_of(run);
-    const struct equations *e = run->e;
-    const ptrdiff_t row = e->sizes.series_rows, work = e->extra ? row - 1 - e->sizes.series_watched : -1;
-    return (struct series){e->n, row, work, *x.order, x.rows + which * rows_of(*x.order) * row};
+    return series_at(run->e, *x.order, x.rows, which);
 }
 
 /* Values of the kernel `events` that are watched for zeros: those of events and of switching points. */
@@ -104,15 +102,11 @@ static int expand(struct run *run, long which, real t, const real *y, real *dy) 
     const struct taylor x = taylor_of(run);
     struct equations *e = run->e;
     const int last = is_last(run, t);
-    const real at[] = {t, R((last ? 1 : *x.order - 1) + (e->extra || e->sizes.series_watched))};
+    const struct series s = series_of(run, which);
     const int status = (e->of->prepare_series ? e->of->prepare_series : e->of->factorise)(e, t, y);
     if (status != DONE)
         return status;
-    const struct series s = series_of(run, which);
-    begin_series(&s, y);
-    e->kernels.series(at, NULL, NULL, e->p, e->factors, s.rows);
-    e->account->evaluations++;
-    rates_of_series(&s, y, dy);
+    expand_series(e, &s, last ? 1 : s.order - 1, t, y, dy);
     if (!run->scheme.adaptive || last)
         return DONE;
     x.longest[which] = length_of_series(&s, &run->task, y);
