@@ -16,7 +16,7 @@ from setuptools.command.editable_wheel import editable_wheel
 MODELS = json.loads(Path("generated/manifest.json").read_text(encoding="utf-8"))["models"]
 
 
-def flags(optimisation):
+def flags(optimisation, *further):
     """Return the compiler flags: no contraction, so that all processors give the same bits."""
     if os.name == "nt":
         return []
@@ -26,6 +26,7 @@ def flags(optimisation):
         "-std=c11",
         "-ffp-contract=off",
         "-Werror=implicit-function-declaration",
+        *further,
     ]
 
 
@@ -93,7 +94,7 @@ extensions = [
         ["symgen/runtime/_core.pyx", *(str(path) for path in sorted(CORE.glob("*.c")))],
         include_dirs=["symgen/runtime"],
         depends=[str(path) for path in sorted(CORE.glob("*.h"))],
-        extra_compile_args=flags(3),
+        extra_compile_args=flags(3, "-fvisibility=hidden"),  # calls inside the core may be inlined
     ),
     *(
         Extension(
