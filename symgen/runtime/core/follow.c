@@ -1,9 +1,6 @@
 /* A driven loop followed through values of its input on one assembly branch. */
 #include <string.h>
 
-#include "loop.h"
-
-#define LOOP struct loop
 #include "loop_branch.h"
 
 /* Every PACE attempts, following ends if the remaining range exceeds CREEP times the progress since the last check.

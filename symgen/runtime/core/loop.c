@@ -1,112 +1,7 @@
-#include "loop.h"
-
-#include <string.h>
-
-#include "arena.h"
-#include "linear.h"
-
-#define LOOP struct loop
+#define LOOPS
 #include "loop_steps.h"
 
-/* -- memory ----------------------------------------------------------------------------------------------- */
-
-/* Reals for the work and the results of any kernel. */
-static long room(const struct loop_sizes *s) {
-    const long n = s->n, wanted[] = {n + ROWS, s->out_size, 2 * ROWS * n + 24, n + n * n};
-    long most = s->work;
-    for (size_t i = 0; i < sizeof wanted / sizeof *wanted; i++)
-        if (wanted[i] > most)
-            most = wanted[i];
-    return most + 1;
-}
-
-static struct sizes as_equations(const struct loop_sizes *s) {
-    const long unknowns = s->n + ROWS;
-    struct sizes made = {0};
-    made.n = s->n;
-    made.m = ROWS;
-    made.extra = s->extra;
-    made.parameters = s->parameters;
-    made.derived = s->derived;
-    made.work = s->series_rows && s->work < unknowns * unknowns ? unknowns * unknowns : s->work;
-    made.series_rows = s->series_rows, made.series_watched = s->series_watched;
-    made.choices = made.windings = s->balls;
-    made.turns = s->balls ? s->n : 0;
-    made.switches = s->switches;
-    made.tables = s->tables;
-    made.rank_tolerance = (double)RANK_TOLERANCE;
-    return made;
-}
-
-/* Point all arrays into memory, or only count their bytes. */
-static size_t arrange(struct loop *l, const struct loop_sizes *s, void *memory) {
-    const ptrdiff_t n = s->n, big = room(s), square = (n + 1) * (n + 1);
-    const struct arena_array arrays[] = {
-        ARENA_ARRAY(l->seen, 1),
-        ARENA_ARRAY(l->base.out, big),
-        ARENA_ARRAY(l->base.work, big),
-        ARENA_ARRAY(l->work, big),
-        ARENA_ARRAY(l->loads, big),
-        ARENA_ARRAY(l->screws, big),
-        ARENA_ARRAY(l->matrix, ROWS * (n + 1)),
-        ARENA_ARRAY(l->prescribed, 3 * s->inputs + 1),
-        ARENA_ARRAY(l->efforts, n + 1),
-        ARENA_ARRAY(l->scale, n + 1),
-        ARENA_ARRAY(l->q, n + 1),
-        ARENA_ARRAY(l->u, n + 1),
-        ARENA_ARRAY(l->trial, n + 1),
-        ARENA_ARRAY(l->step, n + 1),
-        ARENA_ARRAY(l->reduced, square),
-        ARENA_ARRAY(l->basis, square),
-        ARENA_ARRAY(l->gain, s->unknown * s->unknown + 1),
-        ARENA_ARRAY(l->past, 3 * (n + 1)),
-        ARENA_ARRAY(l->change, n + 1),
-        ARENA_ARRAY(l->columns, ROWS * (n + 1)),
-        ARENA_ARRAY(l->followed, ROWS * (n + 1)),
-        ARENA_ARRAY(l->scout, 4 * (n + 1) + 3 * (n + 1) + ROWS * (n + 1)),
-        ARENA_ARRAY(l->usual, n + 1),
-    };
-    return ARENA_PLACE(arrays, memory);
-}
-
-size_t loop_bytes(const struct loop_sizes *sizes) {
-    const struct sizes plain = as_equations(sizes);
-    struct loop counted;
-    return rounded(equations_bytes(&plain)) + arrange(&counted, sizes, NULL);
-}
-
-void loop_bind(struct loop *l, const struct loop_sizes *sizes, const struct loop_kernels *kernels,
-               const ptrdiff_t *numbers, const unsigned char *is_length, const struct ball *balls, void *memory) {
-    const struct sizes plain = as_equations(sizes);
-    struct kernels none = {0};
-    none.energy = kernels->energy;
-    none.setup = kernels->setup;
-    none.events = kernels->events;
-    none.series = kernels->series;
-    equations_bind(&l->base, &plain, &none, memory);
-    l->base.of = &loop_behaviour;
-    l->base.owner = l;
-    arrange(l, sizes, (char *)memory + rounded(equations_bytes(&plain)));
-    l->p = l->base.p;
-    l->kernels = *kernels;
-    l->sizes = *sizes;
-    l->solved = numbers;
-    l->driven = l->solved + sizes->solved;
-    l->found = l->driven + sizes->inputs;
-    l->known = l->found + sizes->unknown;
-    l->is_length = is_length;
-    l->balls = balls;
-    l->free = sizes->solved - sizes->rank;
-    l->size = R(sizes->size);
-    for (long i = 0; i < sizes->n; i++)
-        l->scale[i] = is_length[i] ? l->size : 1;
-}
-
 /* -- closure ---------------------------------------------------------------------------------------------- */
-
-void loop_prescribe(struct loop *l, real t, real *q) {
-    prescribe(l, t, q);
-}
 
 /* Enter the pose evaluated last into the accounts. */
 static void enter(struct loop *l) {
@@ -138,10 +33,6 @@ real loop_evaluate(struct loop *l, real t, const real *q) {
     return l->closure;
 }
 
-void loop_solve(struct loop *l, real *b, real *x) {
-    solve_screws(l, l->sizes.rank, b, x);
-}
-
 int loop_close(struct loop *l, real t, real *q) {
     mask regular = 1;
     const int is_closed = any(closed_by_newton(l, 1, t, q, l->follows, &regular));
@@ -155,10 +46,6 @@ int loop_close(struct loop *l, real t, real *q) {
 }
 
 /* -- rates ------------------------------------------------------------------------------------------------ */
-
-real loop_changes(struct loop *l, int which, const real *drift, real *b, real *v) {
-    return changes(l, which, drift, b, v);
-}
 
 int loop_move(struct loop *l, real t, const real *q, real *u, real *a) {
     const long n = l->sizes.n;
@@ -177,10 +64,6 @@ int loop_move(struct loop *l, real t, const real *q, real *u, real *a) {
 }
 
 /* -- forces ----------------------------------------------------------------------------------------------- */
-
-void loop_hold(struct loop *l, const real *efforts, real *wrench) {
-    held(l, efforts, wrench);
-}
 
 int loop_force(struct loop *l, real t, const real *q, const real *u, real *work) {
     const int is_regular = any(forced(l, t, q, u, work));

@@ -74,7 +74,7 @@ struct loop {
     long looks;
     wide *p, *scale, *screws, *matrix, *prescribed, *efforts, *loads, *work;
     wide *q, *u, *trial, *step, *reduced, *basis, *gain, *past, *change;
-    real *columns, *followed; /* the scaled screws of the solved variables, six numbers for each: evaluated last, and
+    wide *columns, *followed; /* the scaled screws of the solved variables, six numbers for each: evaluated last, and
                                  at the last followed state */
     real *scout;   /* a followed state, kept while steps ahead are tried */
     real *usual;   /* q in the table's own angles, at the last accepted state */
@@ -83,6 +83,9 @@ struct loop {
 /* At a loss of rank, closure to the last digit determines a pose to the square root of that digit only. Below this
    distance from it, rates and forces have no correct digits. */
 #define RANK_RADIUS real_fmax(R(1e-7), real_sqrt(REAL_EPSILON))
+
+/* The functions of a single loop; those of lanes are in the file that uses them, see loop_steps.h. */
+#if WIDTH == 1
 
 /* Bytes of memory for a loop of these sizes, without the struct itself. */
 size_t loop_bytes(const struct loop_sizes *sizes);
@@ -106,8 +109,8 @@ int loop_close(struct loop *l, real t, real *q);
    `rank` is the rank of the screws of the solved variables at q. */
 int loop_assemble(struct loop *l, real t, real *q, long *rank);
 
-/* Solve screws x = b for the changes x of the solved variables, in their own units; b is overwritten. */
-void loop_solve(struct loop *l, real *b, real *x);
+/* Solve screws x = b of some rank for the changes x of the solved variables, in their own units; b is overwritten. */
+void loop_solve(const struct loop *l, long rank, real *b, real *x);
 
 /* Solve for rates (which = 1) or accelerations (2) of all variables from those of the inputs and a drift, which may
    be NULL. Return the part of the required change that no motion can supply. b is scratch of six reals. */
@@ -117,7 +120,7 @@ real loop_changes(struct loop *l, int which, const real *drift, real *b, real *v
 int loop_move(struct loop *l, real t, const real *q, real *u, real *a);
 
 /* Write the minimum-norm wrench (force, moment) with these efforts at the solved variables. */
-void loop_hold(struct loop *l, const real *efforts, real *wrench);
+void loop_hold(const struct loop *l, const real *efforts, real *wrench);
 
 /* Write the closing wrench behind the accelerations in `work`. */
 int loop_force(struct loop *l, real t, const real *q, const real *u, real *work);
@@ -146,6 +149,8 @@ void loop_undetermined(struct loop *l, const real *times, const real *states, lo
 /* Call after the accelerations of free motion at a state. Write their changes (n rows of ROWS + n) due to unit errors
    in the accelerations of closure, then in the efforts of all variables. */
 void loop_answer(struct loop *l, real *answer);
+
+#endif
 
 /* Behaviour in a run of a loop that moves under forces, see struct behaviour. */
 extern const struct behaviour loop_behaviour;

@@ -1,5 +1,6 @@
 /* Steps of a driven loop along its assembly branch, or of one in each lane of vectors: see loop_steps.h. */
 #include "extrapolate.h"
+#include "loop.h"
 #include "loop_limits.h"
 
 /* A followed state of a loop: positions, rates and accelerations. */
@@ -9,7 +10,7 @@ struct loop_state {
 
 /* Set the variables `new` to those predicted after a step h from a state, by that of a stride g before too, and the
    changes of the solved ones to l->change. Return the largest change, in radians or sizes of the loop. */
-static wide predicted_change(LOOP *l, wide h, wide g, struct loop_state now, struct loop_state past, wide *new) {
+static wide predicted_change(struct loop *l, wide h, wide g, struct loop_state now, struct loop_state past, wide *new) {
     const wide s = h / g;
     const mask near = near_stride(h, g);
     wide largest = all(0);
@@ -25,7 +26,7 @@ static wide predicted_change(LOOP *l, wide h, wide g, struct loop_state now, str
 
 /* Lanes in which the closed variables `new` are near their prediction and the inputs did not reverse within the step,
    which the rates at both ends do not show. */
-static mask as_predicted(const LOOP *l, wide h, wide largest, struct loop_state now, const wide *new) {
+static mask as_predicted(const struct loop *l, wide h, wide largest, struct loop_state now, const wide *new) {
     mask near = ~(mask){0};
     wide astray = all(0);
     for (long k = 0; k < l->sizes.solved; k++) {
@@ -45,7 +46,7 @@ static mask as_predicted(const LOOP *l, wide h, wide largest, struct loop_state 
 /* Lanes in which the pose evaluated last is on the assembly branch of the last followed state: the screws of a branch
    have determinants of one sign. For fewer than six screws A and B this is the sign of that of A^T B. A determinant of
    zero has no sign. */
-static mask same_branch_of(const LOOP *l) {
+static mask same_branch_of(const struct loop *l) {
     const long rank = l->sizes.solved;
     wide product[ROWS * ROWS];
     mask swaps[ROWS], opposite = {0};

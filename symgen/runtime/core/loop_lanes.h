@@ -33,7 +33,7 @@ struct loop_lanes;
 struct loop_lanes_api {
     size_t lanes_struct;
     size_t (*bytes)(const struct loop_sizes *sizes);
-    /* The memory starts at a multiple of 64 bytes; `numbers` and `is_length` as in loop_bind. */
+    /* The memory is zero and starts at a multiple of 64 bytes; `numbers` and `is_length` as in loop_bind. */
     void (*bind)(struct loop_lanes *l, const struct loop_sizes *sizes, const struct loop_kernels *kernels,
                  const ptrdiff_t *numbers, const unsigned char *is_length, void *memory);
     void (*follow)(struct loop_lanes *l, const struct loop_lane_task *task);

@@ -340,7 +340,7 @@ static void close_rates(struct loop *l, real *v) {
     closing(l, v, b);
     for (int i = 0; i < ROWS; i++)
         b[i] = -b[i];
-    loop_solve(l, b, x);
+    loop_solve(l, l->sizes.rank, b, x);
     for (long k = 0; k < l->sizes.solved; k++)
         v[l->solved[k]] += x[k];
 }

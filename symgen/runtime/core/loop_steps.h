@@ -1,5 +1,9 @@
-/* Closure, rates and forces of a loop, or of one in each lane of vectors. The including file defines LOOP, the struct of
- * the loop. Lanes have independent screws, six at most. */
+/* Memory, closure, rates and forces of a loop, or of one in each lane of vectors: see wide.h. The including file defines LOOPS,
+ * the storage class of the functions that loop.h declares. Lanes have independent screws, six at most. */
+#include <string.h>
+
+#include "arena.h"
+#include "loop.h"
 #include "loop_limits.h"
 #include "newton.h"
 
@@ -10,8 +14,100 @@ enum { LANE_CLOSINGS = 12 };
 /* Most halvings of one of its steps. Lanes that need a halving fail. */
 enum { HALVINGS = 8 };
 
+/* Reals for the work and the results of any kernel. */
+static long room(const struct loop_sizes *s) {
+    const long n = s->n, wanted[] = {n + ROWS, s->out_size, 2 * ROWS * n + 24, n + n * n};
+    long most = s->work;
+    for (size_t i = 0; i < sizeof wanted / sizeof *wanted; i++)
+        if (wanted[i] > most)
+            most = wanted[i];
+    return most + 1;
+}
+
+static struct sizes as_equations(const struct loop_sizes *s) {
+    const long unknowns = s->n + ROWS;
+    struct sizes made = {0};
+    made.n = s->n;
+    made.m = ROWS;
+    made.extra = s->extra;
+    made.parameters = s->parameters;
+    made.derived = s->derived;
+    made.work = s->series_rows && s->work < unknowns * unknowns ? unknowns * unknowns : s->work;
+    made.series_rows = s->series_rows, made.series_watched = s->series_watched;
+    made.choices = made.windings = s->balls;
+    made.turns = s->balls ? s->n : 0;
+    made.switches = s->switches;
+    made.tables = s->tables;
+    made.rank_tolerance = (double)RANK_TOLERANCE;
+    return made;
+}
+
+/* Point all arrays into memory, or only count their bytes. */
+static size_t loop_place(struct loop *l, const struct loop_sizes *s, void *memory) {
+    const ptrdiff_t n = s->n, big = room(s), square = (n + 1) * (n + 1);
+    const struct arena_array arrays[] = {
+        ARENA_ARRAY(l->seen, 1),
+        ARENA_ARRAY(l->base.out, big),
+        ARENA_ARRAY(l->base.work, big),
+        ARENA_ARRAY(l->work, big),
+        ARENA_ARRAY(l->loads, big),
+        ARENA_ARRAY(l->screws, big),
+        ARENA_ARRAY(l->matrix, ROWS * (n + 1)),
+        ARENA_ARRAY(l->prescribed, 3 * s->inputs + 1),
+        ARENA_ARRAY(l->efforts, n + 1),
+        ARENA_ARRAY(l->scale, n + 1),
+        ARENA_ARRAY(l->q, n + 1),
+        ARENA_ARRAY(l->u, n + 1),
+        ARENA_ARRAY(l->trial, n + 1),
+        ARENA_ARRAY(l->step, n + 1),
+        ARENA_ARRAY(l->reduced, square),
+        ARENA_ARRAY(l->basis, square),
+        ARENA_ARRAY(l->gain, s->unknown * s->unknown + 1),
+        ARENA_ARRAY(l->past, 3 * (n + 1)),
+        ARENA_ARRAY(l->change, n + 1),
+        ARENA_ARRAY(l->columns, ROWS * (n + 1)),
+        ARENA_ARRAY(l->followed, ROWS * (n + 1)),
+        ARENA_ARRAY(l->scout, 4 * (n + 1) + 3 * (n + 1) + ROWS * (n + 1)),
+        ARENA_ARRAY(l->usual, n + 1),
+    };
+    return ARENA_PLACE(arrays, memory);
+}
+
+LOOPS size_t loop_bytes(const struct loop_sizes *sizes) {
+    const struct sizes plain = as_equations(sizes);
+    struct loop counted;
+    return equations_bytes(&plain) + loop_place(&counted, sizes, NULL);
+}
+
+LOOPS void loop_bind(struct loop *l, const struct loop_sizes *sizes, const struct loop_kernels *kernels,
+                     const ptrdiff_t *numbers, const unsigned char *is_length, const struct ball *balls, void *memory) {
+    const struct sizes plain = as_equations(sizes);
+    struct kernels none = {0};
+    none.energy = kernels->energy;
+    none.setup = kernels->setup;
+    none.events = kernels->events;
+    none.series = kernels->series;
+    equations_bind(&l->base, &plain, &none, memory);
+    l->base.of = WIDTH == 1 ? &loop_behaviour : NULL;
+    l->base.owner = l;
+    loop_place(l, sizes, (char *)memory + l->base.bytes);
+    l->p = l->base.p;
+    l->kernels = *kernels;
+    l->sizes = *sizes;
+    l->solved = numbers;
+    l->driven = l->solved + sizes->solved;
+    l->found = l->driven + sizes->inputs;
+    l->known = l->found + sizes->unknown;
+    l->is_length = is_length;
+    l->balls = balls;
+    l->free = sizes->solved - sizes->rank;
+    l->size = R(sizes->size);
+    for (long i = 0; i < sizes->n; i++)
+        l->scale[i] = all(is_length[i] ? l->size : 1);
+}
+
 /* Write the twist that closes the loop to first order: minus the small rotation, and the displacement at O. */
-static void mismatch(const LOOP *l, wide *b) {
+static void mismatch(const struct loop *l, wide *b) {
     const wide *e = l->screws;
     const wide x = R(0.5) * (e[9] - e[6]), y = R(0.5) * (e[2] - e[8]), z = R(0.5) * (e[4] - e[1]);
     b[0] = -x;
@@ -23,7 +119,7 @@ static void mismatch(const LOOP *l, wide *b) {
 }
 
 /* The reciprocal product of variable j's screw with a wrench (force, moment). */
-static wide power(const LOOP *l, long j, const wide *w) {
+static wide power(const struct loop *l, long j, const wide *w) {
     const long n = l->sizes.n;
     wide total = {0};
     for (int i = 0; i < 3; i++)
@@ -31,8 +127,7 @@ static wide power(const LOOP *l, long j, const wide *w) {
     return total;
 }
 
-/* Evaluate value, rate and acceleration of every input, and write the values to q. */
-static void prescribe(LOOP *l, wide t, wide *q) {
+LOOPS void loop_prescribe(struct loop *l, wide t, wide *q) {
     if (l->sizes.inputs == 0)
         return;
     call(l->kernels.inputs, &t, q, q, l->p, l->work, l->prescribed);
@@ -41,7 +136,7 @@ static void prescribe(LOOP *l, wide t, wide *q) {
 }
 
 /* Write the scaled screws of the solved variables, six numbers for each. */
-static void scaled_columns(const LOOP *l, wide *columns) {
+static void scaled_columns(const struct loop *l, wide *columns) {
     for (long k = 0; k < l->sizes.solved; k++)
         for (int i = 0; i < ROWS; i++) {
             const wide entry = l->screws[12 + l->sizes.n * i + l->solved[k]] * l->scale[l->solved[k]];
@@ -50,7 +145,7 @@ static void scaled_columns(const LOOP *l, wide *columns) {
 }
 
 /* Evaluate closure and screws at q and factorise; return the largest defect, which is not finite if closure is not. */
-static wide evaluate_screws(LOOP *l, wide t, const wide *q) {
+static wide evaluate_screws(struct loop *l, wide t, const wide *q) {
     const long rank = l->sizes.rank;
     wide defects[12];
     call(l->kernels.position, &t, q, q, l->p, l->work, l->screws);
@@ -72,8 +167,7 @@ static wide evaluate_screws(LOOP *l, wide t, const wide *q) {
     return l->closure;
 }
 
-/* Solve screws x = b for the changes x of the solved variables, in their own units; b is overwritten. */
-static void solve_screws(const LOOP *l, long rank, wide *b, wide *x) {
+LOOPS void loop_solve(const struct loop *l, long rank, wide *b, wide *x) {
     for (int k = 3; k < ROWS; k++)
         b[k] /= l->size;
     qr_solve(&l->factor, rank, b, x);
@@ -82,7 +176,7 @@ static void solve_screws(const LOOP *l, long rank, wide *b, wide *x) {
 }
 
 /* In some lanes, set the solved variables of q to `trial` plus a part of `step`. */
-static void retry(const LOOP *l, mask which, wide part, wide *q) {
+static void retry(const struct loop *l, mask which, wide part, wide *q) {
     for (long k = 0; k < l->sizes.solved; k++) {
         wide *variable = q + l->solved[k];
         *variable = chosen(which, l->trial[k] + part * l->step[k], *variable);
@@ -91,7 +185,7 @@ static void retry(const LOOP *l, mask which, wide part, wide *q) {
 
 /* A pose q at t that Newton's method closes: the length of the last correction and the part of it that was applied. */
 struct closing {
-    LOOP *l;
+    struct loop *l;
     wide t, *q, part, step;
     int follows;
     mask regular;
@@ -99,7 +193,7 @@ struct closing {
 
 static wide correct_pose_of_loop(void *of, struct newton *w) {
     struct closing *c = of;
-    LOOP *l = c->l;
+    struct loop *l = c->l;
     mask moves = w->open;
     if (w->halved) {
         c->part *= R(0.5);
@@ -115,7 +209,7 @@ static wide correct_pose_of_loop(void *of, struct newton *w) {
             return all(REAL_INFINITY);
         c->step = all(0);
         mismatch(l, b);
-        solve_screws(l, rank, b, l->step);
+        loop_solve(l, rank, b, l->step);
         for (long k = 0; k < l->sizes.solved; k++) {
             c->regular &= is_finite(l->step[k]);
             c->step = larger(c->step, magnitude(l->step[k]) / l->scale[l->solved[k]]);
@@ -136,9 +230,9 @@ static wide correct_pose_of_loop(void *of, struct newton *w) {
 /* Close the open lanes at t by Newton's method from q, in place; return the closed lanes. The factor of the solution is
    kept. A loop that `follows` keeps a variable as predicted that the pose leaves undetermined. Lanes with corrections
    that are not finite are removed from `regular`. */
-static mask closed_by_newton(LOOP *l, mask open, wide t, wide *q, int follows, mask *regular) {
+static mask closed_by_newton(struct loop *l, mask open, wide t, wide *q, int follows, mask *regular) {
     wide fine = all(FINE);
-    prescribe(l, t, q);
+    loop_prescribe(l, t, q);
     /* The resolution of an angle of many revolutions is its last digit. */
     for (long k = 0; k < l->sizes.n; k++)
         fine = larger(fine, 2 * REAL_EPSILON * magnitude(q[k]) / l->scale[k]);
@@ -155,9 +249,7 @@ static mask closed_by_newton(LOOP *l, mask open, wide t, wide *q, int follows, m
     return done | (w.open & (w.error <= coarse));
 }
 
-/* Solve for rates (which = 1) or accelerations (2) of all variables from those of the inputs and a drift, which may be
-   NULL. Return the part of the required change that no motion can supply. b is scratch of six numbers. */
-static wide changes(LOOP *l, int which, const wide *drift, wide *b, wide *v) {
+LOOPS wide loop_changes(struct loop *l, int which, const wide *drift, wide *b, wide *v) {
     const long n = l->sizes.n, rank = l->sizes.rank;
     wide size = all(0), left = size, x[MOST];
     for (int i = 0; i < ROWS; i++) {
@@ -174,7 +266,7 @@ static wide changes(LOOP *l, int which, const wide *drift, wide *b, wide *v) {
         for (int i = 0; i < ROWS; i++)
             b[i] -= l->screws[12 + n * i + j] * rate;
     }
-    solve_screws(l, rank, b, x);
+    loop_solve(l, rank, b, x);
     for (long k = 0; k < l->sizes.solved; k++)
         v[l->solved[k]] = x[k];
     for (long k = rank; k < ROWS; k++)
@@ -182,8 +274,7 @@ static wide changes(LOOP *l, int which, const wide *drift, wide *b, wide *v) {
     return chosen(size > 0, left / size, all(0));
 }
 
-/* Write the minimum-norm wrench (force, moment) with these efforts at the solved variables. */
-static void held(const LOOP *l, const wide *efforts, wide *wrench) {
+LOOPS void loop_hold(const struct loop *l, const wide *efforts, wide *wrench) {
     wide c[MOST], s[ROWS];
     for (long k = 0; k < l->sizes.solved; k++)
         c[k] = efforts[k] * l->scale[l->solved[k]];
@@ -195,7 +286,7 @@ static void held(const LOOP *l, const wide *efforts, wide *wrench) {
 }
 
 /* Write the closing wrench behind the accelerations in `work`; return the lanes with regular force transmission. */
-static mask forced(LOOP *l, wide t, const wide *q, const wide *u, wide *work) {
+static mask forced(struct loop *l, wide t, const wide *q, const wide *u, wide *work) {
     const long n = l->sizes.n, unknown = l->sizes.unknown, solved = l->sizes.solved;
     mask swaps[MOST];
     wide b[MOST], c[ROWS], x[MOST], needed[MOST];
@@ -208,7 +299,7 @@ static mask forced(LOOP *l, wide t, const wide *q, const wide *u, wide *work) {
         call(l->kernels.given, &t, q, u, l->p, work, l->efforts);
     for (long k = 0; k < solved; k++)
         b[k] = l->efforts[l->solved[k]] - l->loads[l->solved[k]];
-    held(l, b, work + n);
+    loop_hold(l, b, work + n);
     if (unknown == 0)
         return ~(mask){0};
     /* gain[i, k]: rate of the variable of unknown effort k at unit rate of the input i of known effort. The unknown
@@ -217,7 +308,7 @@ static mask forced(LOOP *l, wide t, const wide *q, const wide *u, wide *work) {
         const long j = l->driven[l->known[i]];
         for (int k = 0; k < ROWS; k++)
             c[k] = -l->screws[12 + n * k + j];
-        solve_screws(l, l->sizes.rank, c, x);
+        loop_solve(l, l->sizes.rank, c, x);
         for (long k = 0; k < unknown; k++)
             l->gain[unknown * i + k] = x[l->found[k]];
         needed[i] = l->loads[j] + power(l, j, work + n) - l->efforts[j];
@@ -234,6 +325,6 @@ static mask forced(LOOP *l, wide t, const wide *q, const wide *u, wide *work) {
     solve_dense(unknown, l->gain, swaps, needed);
     for (long k = 0; k < unknown; k++)
         b[l->found[k]] += needed[k];
-    held(l, b, work + n);
+    loop_hold(l, b, work + n);
     return regular;
 }

@@ -177,7 +177,7 @@ static int arrive(struct variations *v, real t, const real *y) {
     for (ptrdiff_t c = 0; c < ROWS; c++) {
         real b[ROWS] = {0}, x[MOST];
         b[c] = R(-1);
-        loop_solve(l, b, x);
+        loop_solve(l, l->sizes.rank, b, x);
         for (long i = 0; i < l->sizes.solved; i++)
             v->answer[ROWS * l->solved[i] + c] = x[i];
     }

@@ -15,20 +15,10 @@ pytestmark = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C co
 CORE = Path(symgen.runtime.__file__).parent / "core"
 ROWS = 6
 DRIVER = """
-#include "qr.h"
-#if WIDTH == 1
-#include "linear.h"
-#endif
-struct poses {
-    struct { long n, solved, inputs, rank; } sizes;
-    const ptrdiff_t *solved, *driven;
-    wide *change, *scale, *columns, *followed;
-};
-#define LOOP struct poses
 #include "loop_branch.h"
 /* Screws come as columns, each component of all lanes. */
 void on_one_branch(long rank, wide *followed, wide *columns, int *same) {
-    struct poses l = {.sizes = {rank, rank, 0, rank}, .followed = followed, .columns = columns};
+    struct loop l = {.sizes = {.n = rank, .solved = rank, .rank = rank}, .followed = followed, .columns = columns};
     const mask found = same_branch_of(&l);
     for (int lane = 0; lane < WIDTH; lane++)
         same[lane] = WIDTH == 1 ? any(found) : ((const long long *)&found)[lane] != 0;
