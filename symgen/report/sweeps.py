@@ -71,6 +71,7 @@ def summary(runs: xarray.Dataset) -> dict[str, Any]:
     content: dict[str, Any] = {"runs": count, "failed": failed, "first_error": first, "outputs": {}}
     content["samples"], content["ended_early"], content["first_early"] = int(samples), early, first_early
     content["beyond_linear_theory"], content["missing"] = beyond, missing
+    content["starts"] = runs.attrs.get("notes", "")
     for name in outputs_of(runs):
         variable = runs[name]
         labels = [str(a) for a in runs["axis"].values] if "axis" in variable.dims else [""]
@@ -144,6 +145,7 @@ def _notes(about: dict[str, Any]) -> Iterator[str]:
             f"{about['ended_early']} of {about['runs']} runs ended early, and their values are of the part "
             f"before; the first, {about['first_early']}"
         )
+    yield from about["starts"].splitlines()
     beyond = about["beyond_linear_theory"]
     if beyond:
         yield f"linear theory does not hold in {beyond} of {about['runs']} runs: reasons in {NOTES}"

@@ -26,6 +26,7 @@ from symgen.runtime.result.records import attributes_of
 from symgen.runtime.sweeps.designs import Design
 from symgen.runtime.sweeps.executors import Chunk, submitted
 from symgen.runtime.sweeps.layout import SweepLayout, layout_of
+from symgen.runtime.sweeps.starts import notes_on_starts
 from symgen.runtime.sweeps.stores import DONE, ENDING, MemoryStore, Zarr, needed
 from symgen.runtime.sweeps.tables import TABLE, table_at, write_table
 from symgen.version import __version__
@@ -268,6 +269,8 @@ def carry_out(
     runs = store.dataset()
     if table:
         write_table(runs, table)
+    if notes := "\n".join(notes_on_starts(sweep.model, sweep.analysis, sweep.design, sweep.arguments)):
+        runs.attrs["notes"] = notes
     return runs
 
 
