@@ -121,6 +121,9 @@ analysis.t_end = "2 s"
         code, _, said = entry(command, str(scene), *options, *end)
         assert code == 3 and "at t = 1.6 s, the last point of the table law" in said
         assert "end the motion before, by analysis.t_end" in said
+        assert 'build(..., set={"analysis.t_end": "2 s"})' in " ".join(said.split())
+    model = symgen.build(scene, set={"analysis.t_end": "1.2 s"})
+    assert model.simulate()["P.position"].values[-1, 0] == pytest.approx(math.cos(1.5), abs=1e-9)
 
 
 def test_the_end_that_a_command_gives_hides_no_wrong_end_of_the_scene(entry):

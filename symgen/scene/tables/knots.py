@@ -161,7 +161,8 @@ def _jumping(function: PiecewisePolynomial, change: str = "", piece: int = 0) ->
             )
         if end and not pieces.period:
             where = f"the {end} point of the table {pieces.name}"
-            hint += " Or end the motion before, by analysis.t_end; of runs also by --t-end."
+            hint += " Or end the motion before, by analysis.t_end; of runs also by --t-end, and in Python by "
+            hint += """build(..., set={"analysis.t_end": "2 s"})."""
         through = pieces.of(written(function.args[0]))
         hint += f' A force may have corners, such as that of a tyre on a road, "k*({through} - P.y)".'
     return SceneError(f"{_NEEDS}: {change or 'its rate jumps'} {where}", hint=hint)
