@@ -83,8 +83,10 @@ class Units(Table):
     """Units in which tables and plots show results; those of SI if absent."""
 
     length: str | None = absent("Such as mm or in; also of velocities and accelerations.")
-    force: str | None = absent("Such as kN or lbf; torques, energies and powers follow.")
+    force: str | None = absent("Such as kN or lbf; torques follow.")
     torque: str | None = absent("Such as N*m or lbf*ft, where it is not that of length and force.")
+    energy: str | None = absent("Such as kJ or N*mm; J if absent, whatever the other units.")
+    power: str | None = absent("Such as kW or lbf*ft/s; W if absent, whatever the other units.")
     angle: str | None = absent("rad, deg or rev; also of their rates.")
     stress: str | None = absent("Such as MPa or psi.")
 

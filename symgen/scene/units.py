@@ -52,7 +52,7 @@ def dimension(length: int = 0, mass: int = 0, time: int = 0) -> Dimension:
     return Dimension(Fraction(length), Fraction(mass), Fraction(time))
 
 
-#: Units for results, by ``length``, ``force``, ``angle``, ``stress``: name and size in SI.
+#: Units for results, by the keys of the table ``units``: name and size in SI.
 Shown = dict[str, tuple[str, float]]
 NUMBER = dimension()
 LENGTH = dimension(1)
@@ -318,11 +318,13 @@ _DIMENSIONS = {
     "length": LENGTH,
     "force": FORCE,
     "torque": TORQUE,
+    "energy": TORQUE,
+    "power": POWER,
     "angle": NUMBER,
     "stress": PRESSURE,
 }
 #: Example of a unit of each quantity, for messages.
-_SUCH_AS = {"length": "mm", "force": "kN", "torque": "N*m", "stress": "MPa"}
+_SUCH_AS = {"length": "mm", "force": "kN", "torque": "N*m", "energy": "kJ", "power": "kW", "stress": "MPa"}
 
 
 def shown_units(table: Any) -> Shown:

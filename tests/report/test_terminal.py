@@ -268,13 +268,13 @@ def test_tables_and_plots_show_the_units_of_the_scene_and_values_stay_in_si():
         "gravity": {"acceleration": ["0 m/s^2", "-10 m/s^2"]},
         "analysis": {
             "t_end": "1 s",
-            "outputs": ["A.position", "A.velocity", "arm.angle", "arm.torque", "energy"],
+            "outputs": ["A.position", "A.velocity", "arm.angle", "arm.torque", "energy", "arm.power"],
         },
     }
     units = {"length": "mm", "force": "kN", "angle": "deg"}
     plain, named = (symgen.build(symgen.Scene(units=u, **tables)).simulate(0.125) for u in ({}, units))
-    assert [v.unit for v in plain.shown] == ["m", "m/s", "rad", "N*m", "J"]
-    assert [v.unit for v in named.shown] == ["mm", "mm/s", "deg", "kN*mm", "kN*mm"]
+    assert [v.unit for v in plain.shown] == ["m", "m/s", "rad", "N*m", "J", "W"]
+    assert [v.unit for v in named.shown] == ["mm", "mm/s", "deg", "kN*mm", "J", "W"]
     final = {v.name: v.values[-1] for v in named.shown}
     rate, half = 2 * math.pi, math.sqrt(0.5)
     assert final["A.position"] == pytest.approx([20 * half, 20 * half], rel=1e-9)
@@ -283,8 +283,17 @@ def test_tables_and_plots_show_the_units_of_the_scene_and_values_stay_in_si():
     assert final["arm.torque"] == pytest.approx(3 * 10 * 0.02 * half, rel=1e-9)  # N m are kN mm
     turned = symgen.build(symgen.Scene(units=units | {"torque": "N*mm"}, **tables)).simulate(0.125)
     shown = {v.name: v for v in turned.shown}
-    assert [shown[name].unit for name in ("arm.torque", "energy")] == ["N*mm", "kN*mm"]
+    assert [shown[name].unit for name in ("arm.torque", "energy")] == ["N*mm", "J"]
     assert shown["arm.torque"].values[-1] == pytest.approx(3 * 10 * 20 * half, rel=1e-9)
+    larger = symgen.build(symgen.Scene(units=units | {"energy": "kJ", "power": "kW"}, **tables)).simulate(
+        0.125
+    )
+    shown = {v.name: v for v in larger.shown}
+    assert [shown[name].unit for name in ("arm.torque", "energy", "arm.power")] == ["kN*mm", "kJ", "kW"]
+    assert shown["arm.power"].values[-1] == pytest.approx(3e-3 * 10 * 0.02 * half * rate, rel=1e-9)
+    height, speed = -0.02 * half, 0.02 * rate  # of a point mass that the drive turns; gravity is along -y
+    kinetic_and_potential = 3e-3 * (speed**2 / 2 - 10 * height)
+    assert abs(shown["energy"].values[-1]) == pytest.approx(abs(kinetic_and_potential), rel=1e-9)
     for name in plain:
         assert named[name].attrs["units"] == plain[name].attrs["units"]
         assert np.array_equal(named[name].values, plain[name].values)

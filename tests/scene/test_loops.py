@@ -434,6 +434,11 @@ FAULTS = {
     "unit of another kind": ([("units", {"length": "lbf"})], "units.length", "the unit of a length"),
     "no unit": ([("units", {"force": "2 N"})], "units.force", "expected a unit such as 'kN'"),
     "no stress": ([("units", {"stress": "N"})], "units.stress", "the unit of a stress"),
+    "power in units of force and length": (
+        [("units", {"power": "kN*mm"})],
+        "units.power",
+        "the unit of a power",
+    ),
     "units of the loop": ([("loop.units", {"angle": "deg"})], "loop.units", "[units]"),
     "no angle": ([("units", {"angle": "degree"})], "units.angle", "expected rad, deg or rev, got 'degree'"),
     "link called like a variable": ([(ROW + "1.link", "eta3")], ROW + "1.link", "is a variable of the loop"),

@@ -85,7 +85,7 @@ class KernelInfo:
 class Described(ABC):
     """Runtime data of any model, without its code.
 
-    ``units`` are those of tables by ``length``, ``force``, ``angle`` and ``stress``, with their sizes in SI.
+    ``units`` are those of tables by the keys of the table ``units`` of a scene, with their sizes in SI.
     """
 
     name: str

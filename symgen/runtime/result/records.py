@@ -244,15 +244,14 @@ def converters(units: Mapping[str, tuple[str, float]]) -> dict[str, tuple[str, f
     Parameters
     ----------
     units
-        Those of a description, by ``length``, ``force``, ``torque``, ``angle`` and ``stress``.
+        Those of a description, by the keys of the table ``units`` of a scene. Energies and powers have units
+        of their own, J and W without one: a product such as kN*mm/s is no unit of power to a reader.
     """
     if not units:
         return {}
     (length, per_length), (force, per_force), (angle, per_angle) = (
         units.get(of, si) for of, si in _SI.items()
     )
-    in_si = (length, force) == ("m", "N")
-    work = per_length * per_force
     return {
         "m": (length, per_length),
         "m/s": (f"{length}/s", per_length),
@@ -261,9 +260,9 @@ def converters(units: Mapping[str, tuple[str, float]]) -> dict[str, tuple[str, f
         "rad/s": (f"{angle}/s", per_angle),
         "rad/s^2": (f"{angle}/s^2", per_angle),
         "N": (force, per_force),
-        "N*m": units.get("torque", (f"{force}*{length}", work)),
-        "J": ("J" if in_si else f"{force}*{length}", work),
-        "W": ("W" if in_si else f"{force}*{length}/s", work),
+        "N*m": units.get("torque", (f"{force}*{length}", per_length * per_force)),
+        "J": units.get("energy", ("J", 1.0)),
+        "W": units.get("power", ("W", 1.0)),
         **({"Pa": units["stress"]} if "stress" in units else {}),
         "1": ("1", 1.0),
     }
