@@ -39,6 +39,8 @@ _ERROR = 1e-3
 #: The same of the steady state that a page of quasi-static shapes mentions.
 _STEADY = 1e-2
 _POSITION = ".position"
+#: Caption of runs without displacements from a rigid motion.
+_STRAIGHT = "The motion of the ends of links, which are drawn straight. Thin lines are paths."
 #: Beginning of the caption of a page that computes.
 _QUASI_STATIC = (
     "One revolution in the quasi-static state: links bend under the loads and inertia of the rigid motion; "
@@ -184,7 +186,7 @@ class ElasticView(RodsView):
     def film_text(self, resolved: Linkage, result: Result) -> str:
         """Return the caption, with the magnification of deflections if the result has them."""
         if not deflected(resolved, result):
-            return super().film_text(resolved, result)
+            return _STRAIGHT if result.KIND == "elastic" else super().film_text(resolved, result)
         return _of_deflections(magnification(resolved, result))
 
     def drawn_outputs(self, resolved: Linkage) -> Sequence[str]:
@@ -228,8 +230,12 @@ class ElasticView(RodsView):
         """Return the mechanism with magnified deflections; rigid at samples that have none."""
         if deflected(resolved, result):
             return bent_sketches(resolved, model.rigid.initial_state().positions, result)
+        start, d = model.rigid.initial_state().positions, model.description
+        at_rest = {p: np.tile(start[p], (result.count, 1)) for p in d.ground if p in d.steady}
         points = [p.name for p in resolved.as_written.points]
-        positions = {p: result.variable(f"{p}{_POSITION}").values for p in points}
+        positions = {
+            p: at_rest[p] if p in at_rest else result.variable(f"{p}{_POSITION}").values for p in points
+        }
         return [
             linkage_sketch(resolved, {p: x[k] for p, x in positions.items()}, None)
             for k in range(result.count)

@@ -400,8 +400,8 @@ cdef class SystemMotion(Integrable):
     stages
         Number of stages of the method.
     prescribed
-        Function of the number of a step that returns the first one of some steps around it, and their prescribed
-        numbers and rates, (steps, 2 + stages, numbers) each: in the middle of a step, at its stages and at its end.
+        Function of number, time and length of a step that returns the first one of some steps around it, and their
+        prescribed numbers and rates, (steps, 2 + stages, numbers) each: in the middle of a step, at its stages and end.
     follow
         Function of time, places and rates before each step; None if nothing takes note of them.
     a, multipliers
@@ -418,7 +418,7 @@ cdef class SystemMotion(Integrable):
     cdef double[::1] scale, a, multipliers, z, z_rates, gaps
 
     def __init__(self, Constrained system, scale: Array, Py_ssize_t stages,
-                 prescribed: Callable[[int], tuple[int, Array, Array]],
+                 prescribed: Callable[[int, float, float], tuple[int, Array, Array]],
                  follow: Callable[[float, Array, Array], None] | None, a: Array, multipliers: Array,
                  rigid: Evaluator | None):
         cdef kernels functions
@@ -457,22 +457,27 @@ cdef class SystemMotion(Integrable):
             for at, width in (
                 (<uintptr_t>self.own.a_of, self.n), (<uintptr_t>self.own.lambda_of, self.system.own.multipliers)))
 
-    cdef int prescribe(self, long step, double t, const double *y) except -1:
+    def restore(self, const unsigned char[::1] memory) -> None:
+        """Restore the bytes of :meth:`save`; steps from there may have other lengths."""
+        Integrable.restore(self, memory)
+        self.own.count = 0
+
+    cdef int prescribe(self, long step, double t, double h, const double *y) except -1:
         cdef Py_ssize_t width = (self.stages + 2) * self.system.own.known
         if self.followed is not None:
             self.followed(t, *_copied(<uintptr_t>y, 2, self.n))
         if not self.own.first <= step < self.own.first + self.own.count:
-            first, z, rates = self.prescribed(step)
+            first, z, rates = self.prescribed(step, t, h)
             at_least("prescribed numbers", min(np.size(z), np.size(rates)), len(z) * width)
             self.z, self.z_rates = _numbers(z), _numbers(rates)
             self.own.first, self.own.count, self.own.z, self.own.z_rates = first, len(z), &self.z[0], &self.z_rates[0]
         return 0
 
 
-cdef void _prescribe(void *owner, long step, double t, const double *y) noexcept with gil:
+cdef void _prescribe(void *owner, long step, double t, double h, const double *y) noexcept with gil:
     cdef SystemMotion of = <SystemMotion>owner
     try:
-        of.prescribe(step, t, y)
+        of.prescribe(step, t, h, y)
     except BaseException as error:
         FAILURES.errors.append(error)
         of.own.count = 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import sympy as sp
 from shared.linkages import at, ground
 
 import symgen
@@ -48,6 +49,39 @@ def arm(young=YOUNG, **more):
         "analysis": {"outputs": OUTPUTS},
     }
     return tables | more
+
+
+def one_element_matrices():
+    """Return mass matrix and left side less inertia of (hub angle, x, y, tip angle) of the arm in one element.
+
+    They are functions of these and their rates, from the energies in ``docs/method_elastic.md``.
+    """
+    q, v = sp.symbols("f x y g"), sp.symbols("f_t x_t y_t g_t")
+    (f, x, y, g), rho = q, DENSITY * WIDTH * THICKNESS
+    second = WIDTH * THICKNESS**3 / 12
+    e, bend, stretch = sp.Symbol("e"), YOUNG * second, YOUNG * WIDTH * THICKNESS
+    cubics = 3 * e**2 - 2 * e**3, LENGTH * (e - 2 * e**2 + e**3), LENGTH * (e**3 - e**2)
+    curve = [
+        cubics[0] * end + cubics[1] * first + cubics[2] * last
+        for end, first, last in ((x, sp.cos(f), sp.cos(g)), (y, sp.sin(f), sp.sin(g)))
+    ]
+    moving = [sum(sp.diff(c, a) * b for a, b in zip(q, v, strict=True)) for c in curve]
+    turning = (1 - e) * v[0] + e * v[3]
+    line = rho / 2 * sum(c**2 for c in moving) + DENSITY * second / 2 * turning**2
+    kinetic = sp.integrate(sp.expand(line), (e, 0, 1)) * LENGTH
+    kinetic += HUB * v[0] ** 2 / 2 + TIP * (v[1] ** 2 + v[2] ** 2) / 2
+    away = sp.atan2(y, x)
+    one, two = f - away, g - away
+    strain = sp.sqrt(x**2 + y**2) / LENGTH - 1 + (2 * one**2 - one * two + 2 * two**2) / 30
+    potential = stretch * LENGTH / 2 * strain**2
+    potential += bend / (2 * LENGTH) * ((two - one) ** 2 + 3 * (one + two) ** 2)
+    mass = sp.hessian(kinetic, v)
+    momentum = [sp.diff(kinetic, b) for b in v]
+    left = [
+        sum(sp.diff(p, a) * b for a, b in zip(q, v, strict=True)) - sp.diff(kinetic - potential, s)
+        for p, s in zip(momentum, q, strict=True)
+    ]
+    return sp.lambdify((*q, *v), [mass, left], "numpy", cse=True)
 
 
 def built(tables):

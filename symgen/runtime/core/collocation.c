@@ -102,8 +102,10 @@ static void bind(struct run *run) {
 static int begin(struct run *run) {
     const struct collocation c = step_of(run, 0);
     const ptrdiff_t n = c.of->unknowns, stages = c.stages;
-    memcpy(c.a_of, c.motion->a, (size_t)(stages * n) * sizeof(real));
-    memcpy(c.lambda_of, c.motion->lambda, (size_t)(stages * c.of->multipliers) * sizeof(real));
+    if (run->state->steps == 0) { /* after a change of loads the last step is nearer */
+        memcpy(c.a_of, c.motion->a, (size_t)(stages * n) * sizeof(real));
+        memcpy(c.lambda_of, c.motion->lambda, (size_t)(stages * c.of->multipliers) * sizeof(real));
+    }
     memcpy(c.f, c.v, (size_t)n * sizeof(real));
     memcpy(c.f + n, c.a_of, (size_t)n * sizeof(real));
     return DONE;
@@ -305,7 +307,7 @@ static int prescribed(const struct collocation *c, const real **z, const real **
     struct system_motion *motion = c->run->e->owner;
     const long step = c->run->state->steps;
     if (motion->each || step < motion->first || step >= motion->first + motion->count)
-        motion->prescribe(motion->owner, step, c->t, c->run->y);
+        motion->prescribe(motion->owner, step, c->t, c->h, c->run->y);
     if (step < motion->first || step >= motion->first + motion->count)
         return 0;
     const ptrdiff_t at = (step - motion->first) * (c->stages + 2) * c->of->known;

@@ -138,7 +138,7 @@ struct system_motion {
        its stages and at its end. `prescribe` sets those around a step; it is called before others, or before `each`. */
     long first, count, each;
     const real *z, *z_rates;
-    void (*prescribe)(void *owner, long step, real t, const real *y);
+    void (*prescribe)(void *owner, long step, real t, real h, const real *y);
     void *owner;
     const real *a_of, *lambda_of; /* second rates and multipliers of the stages of the last step, in memory of the run */
 };

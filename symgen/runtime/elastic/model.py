@@ -26,6 +26,7 @@ from symgen.runtime.model.arguments import takes
 from symgen.runtime.model.elastic_arguments import (
     ElasticArguments,
     ElasticRun,
+    ElasticStepping,
     LargeRotation,
     Periodic,
     QuasiStatic,
@@ -35,6 +36,7 @@ from symgen.runtime.model.model import Model
 if TYPE_CHECKING:
     from symgen.runtime.beams.layout import BeamLayout
     from symgen.runtime.beams.links import Beam
+    from symgen.runtime.elastic.control.stepper import SystemStepper
     from symgen.runtime.elastic.motion import ElasticMotion
     from symgen.runtime.linearisation.record import Sensitivity
     from symgen.runtime.result.elastic import ElasticResult
@@ -239,58 +241,18 @@ class ElasticModel(ModelOfRigid):
         t_eval: ArrayLike | None = None,
     ) -> Sensitivity:
         from symgen.runtime.elastic.derivatives.poses import sensitivity
+        from symgen.runtime.elastic.derivatives.results import of_result
         from symgen.runtime.linearisation.record import at_times
 
         by = self._differentiated(parameters)
         if at is not None and not isinstance(at, float | int):
-            return self._of_result(outputs, by, at, t_eval)
+            return of_result(self, METHODS, outputs, by, at, t_eval)
 
         def derivatives(times: Sequence[float]) -> list[Sensitivity]:
             return [sensitivity(self.motion(True), outputs, by, t) for t in times]
 
         t = None if at is None else real(at, "the time of derivatives")
         return at_times(derivatives, t, t_eval, 0.0)
-
-    def _of_result(
-        self, outputs: Sequence[str], by: Sequence[str], at: ElasticResult, t_eval: ArrayLike | None
-    ) -> Sensitivity:
-        """Return the derivatives of a steady state at its crank angles, or of a run at its times."""
-        from symgen.runtime.elastic.derivatives import periodic, runs
-
-        provenance = at.provenance
-        method = provenance.get("method")
-        if method == "large-rotation":
-            raise ModelError(
-                f"{self.name}: runs in large rotation have no derivatives\n"
-                "  Compare runs with other parameters: model.with_parameters."
-            )
-        if method not in ("periodic", *METHODS) or provenance["parameters"] != dict(self.parameters):
-            raise ModelError(
-                f"{self.name}: expected a steady state or a run of this model for at: model.periodic(), "
-                "model.simulate()"
-            )
-        if provenance["form"] != "exact" or not provenance.get("geometric_stiffness", True):
-            raise ModelError(
-                "derivatives of motions are those of the exact form with geometric stiffness: leave form and "
-                "geometric_stiffness out"
-            )
-        if t_eval is not None:
-            raise ModelError("a motion has times of its own: leave t_eval out")
-        if not outputs or (method == "periodic" and at.times is None):
-            raise ModelError("expected outputs to differentiate, got none")
-        if method == "periodic":
-            return periodic.sensitivity(self.motion(True), outputs, by, at.time)
-        if method not in BEAM_METHODS:
-            raise ModelError(
-                f"expected an implicit method for derivatives of runs of elastic links, got {method}\n"
-                f"  Choose {', '.join(BEAM_METHODS)}."
-            )
-        if provenance.get("initial", "undeformed") != "undeformed":
-            raise ModelError("derivatives of runs of elastic links are for those that start undeformed")
-        counts = at.counts
-        if counts is None:
-            raise ModelError(f"{self.name}: a stored run has no derivatives: simulate it again")
-        return runs.sensitivity(self.motion(True), outputs, by, method, at.time, counts)
 
     @takes(ElasticRun)
     def _simulate(self, request: ElasticRun) -> ElasticResult:
@@ -308,6 +270,10 @@ class ElasticModel(ModelOfRigid):
                 hint = f"It is model.{verbs[method]}(), on the command line 'symgen {command} {self.name}'."
             raise ModelError(f"there is no method {method!r} of integration. {hint}")
         initial = initial_state(request.initial)
+        if request.controlled:
+            from symgen.runtime.elastic.large.run import controlled_links
+
+            return controlled_links(self, request, self._elements)
         states = self.description.states
         if (states or self.motion(True).undetermined) and (large := request.in_large_rotation):
             return self._large_rotation(large)
@@ -334,6 +300,12 @@ class ElasticModel(ModelOfRigid):
             t_eval=times,
             initial=initial,
         )
+
+    @takes(ElasticStepping)
+    def _stepper(self, request: ElasticStepping) -> SystemStepper:
+        from symgen.runtime.elastic.large.run import stepper_of_links
+
+        return stepper_of_links(self, request, self._elements)
 
     @takes(Periodic)
     def _periodic(self, request: Periodic) -> ElasticResult:

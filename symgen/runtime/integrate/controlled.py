@@ -99,7 +99,8 @@ class SampledController(Controller):
 
     def _at(self, times: Array) -> Array:
         at = np.searchsorted(self._times, times + _SAME * self._sample, side="right") - 1
-        return np.array(self._rows)[np.maximum(at, 0)]
+        rows = self._rows or [[*self._stepper.parameters.values()]]  # of a controller that failed at once
+        return np.array(rows)[np.maximum(at, 0)]
 
 
 def controlled(

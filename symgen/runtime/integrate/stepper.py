@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import inf, isfinite
 from typing import Any, NoReturn, Self
@@ -54,9 +54,13 @@ class Stepper(ABC):
         #: Parameters that neither constraints nor limits of values depend on.
         self._signals = {name: self._places[name] for name in self._independent()}
         info = d.kernel("outputs")
-        self._blocks: tuple[BlockInfo, ...] = info.blocks if info else ()
-        self._outputs = dict(place for block in self._blocks for place in _places(block))
+        self._take_outputs(info.blocks if info else ())
         self.reset()
+
+    def _take_outputs(self, blocks: Sequence[BlockInfo]) -> None:
+        """Take the parts of :meth:`_evaluated`."""
+        self._blocks = tuple(blocks)
+        self._outputs = dict(place for block in blocks for place in _places(block))
 
     def __repr__(self) -> str:
         return f"<Stepper of {self._model.name!r} at t = {self.t:g} s>"

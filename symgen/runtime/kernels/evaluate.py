@@ -95,6 +95,10 @@ class Evaluator(Kernels):
 
     description: Description
 
+    def with_tunable(self, values: Array) -> Evaluator:
+        """Return the kernels with values of the tunable parameters."""
+        return self.at(np.concatenate([values, self.parameter_values[len(values) :]]))
+
     def holding(self, values: Array) -> Evaluator:
         """Return the kernels with values of the first of the parameters that runs set."""
         parameters, first = self.parameter_values.copy(), self.description.of_held.start

@@ -53,7 +53,22 @@ class Checkpointed:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RunArguments(Checkpointed):
+class Controlled:
+    """A controller of a run, and the time between two of its calls."""
+
+    controller: Callable[..., Any] | None = None
+    sample: float | None = None
+
+    @property
+    def controlled(self) -> bool:
+        """Whether a controller sets inputs; raise OptionsError for its sampling interval alone."""
+        if self.controller is None and self.sample is not None:
+            raise OptionsError("{sample} is the sampling interval of a controller: give {controller}, too")
+        return self.controller is not None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RunArguments(Controlled, Checkpointed):
     """A run of a loop."""
 
     t_end: float | None = None
@@ -68,15 +83,6 @@ class RunArguments(Checkpointed):
     max_drift: float | None = None
     max_step: float | None = None
     state: State | None = None
-    controller: Callable[..., Any] | None = None
-    sample: float | None = None
-
-    @property
-    def controlled(self) -> bool:
-        """Whether a controller sets inputs; raise OptionsError for its sampling interval alone."""
-        if self.controller is None and self.sample is not None:
-            raise OptionsError("{sample} is the sampling interval of a controller: give {controller}, too")
-        return self.controller is not None
 
     def options(
         self, end: float, precision: Precision, rate: float | None = None, series: float = 0.0

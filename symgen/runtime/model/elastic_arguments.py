@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from symgen.runtime.integrate.options import sample_count
 from symgen.runtime.integrate.pace import Progress
-from symgen.runtime.model.arguments import Checkpointed
+from symgen.runtime.model.arguments import Checkpointed, Controlled
+
+if TYPE_CHECKING:
+    from symgen.runtime.result.state import State
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,7 +51,7 @@ class Periodic(_InSteps):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ElasticRun(Checkpointed, _InSteps):
+class ElasticRun(Controlled, Checkpointed, _InSteps):
     """Elastic motion in time."""
 
     method: str = "gauss"
@@ -90,8 +94,24 @@ class LargeRotation(Checkpointed, Refined):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RunInSpace(Refined):
+class RunInSpace(Controlled, Refined):
     """Elastic links in space."""
 
     t_end: float | None = None
     initial: str | Sequence[float] = "undeformed"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SystemStepping:
+    """A motion in large rotation that advances by calls."""
+
+    rtol: float | None = None
+    step: float | None = None
+    state: State | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ElasticStepping(SystemStepping):
+    """The same in the plane."""
+
+    elements: int | None = None

@@ -153,6 +153,7 @@ class KernelCalls:
         step: float | None = None,
         max_step: float | None = None,
         state: State | None = None,
+        elements: int | None = None,
     ) -> Stepper:
         """Return a motion that advances by calls, for control loops: see ``docs/control.md``.
 
@@ -162,9 +163,12 @@ class KernelCalls:
         ----------
         method, rtol, atol, step, max_step
             As for :meth:`simulate`, but ``dop853`` by default for every ``rtol``. The last of fixed steps in
-            a call is as long as the rest.
+            a call is as long as the rest. Elastic links: steps in large rotation, as many in a call as
+            ``rtol`` needs (1e-6: the error of places at its end over sizes), or of at most ``step`` [s].
         state
             Initial state; by default that of the scene.
+        elements
+            Elastic links in the plane: number of elements of each link (4, or those of the scene if more).
 
         Raises
         ------

@@ -170,7 +170,7 @@ class Findings:
 
         In place of a controller, which may have a memory, it has the inputs that the controller has set.
         """
-        controls = getattr(self.__dict__.get("_source"), "controls", None)
+        controls = self._cache.get("controls") or getattr(self.__dict__.get("_source"), "controls", None)
         if controls:
             arguments = {**arguments, "controller": controls.repeated}
         self._cache["origin"] = model, verb, arguments

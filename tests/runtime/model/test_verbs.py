@@ -44,11 +44,11 @@ SUPPORTED = {
         "mass_matrix",
         "jacobian",
     },
-    "thesis_four_bar": RODS - {"accelerations", "record", "coordinates", "equilibrium", "stepper"} - LINEAR
+    "thesis_four_bar": RODS - {"accelerations", "record", "coordinates", "equilibrium"} - LINEAR
     | DRIVEN
     | ELASTIC
     | EXACT,
-    "elastic_four_bar_motor": RODS - {"accelerations", "record", "coordinates", "stepper"} - LINEAR
+    "elastic_four_bar_motor": RODS - {"accelerations", "record", "coordinates"} - LINEAR
     | DRIVEN
     | ELASTIC
     | EXACT,

@@ -170,9 +170,16 @@ class ConstrainedSystem:
         self.pattern = EnvelopePattern(pairs, bound, self.unknowns, multipliers)
         self.core = Constrained(self.unknowns, multipliers, known, self.pattern, parts)
 
+    #: Values of the tunable parameters in use; None for those of the model.
+    taken: Array | None = None
+
     def start(self) -> MotionState:
         """Return the motion at the start."""
         raise NotImplementedError
+
+    def take_parameters(self, values: Array) -> None:
+        """Take values of the tunable parameters, of which loads alone depend on those that change."""
+        self.taken = values
 
     @property
     def follows(self) -> bool:
@@ -244,7 +251,7 @@ def settled(system: ConstrainedSystem, at: MotionState, span: float, first: bool
 
 
 @cache
-def _integrator(method: BeamMethod) -> Integrator:
+def integrator_of_systems(method: BeamMethod) -> Integrator:
     """Return a method with an even number of stages for the step loop."""
     values, vectors = np.linalg.eig(method.a)
     # The second factor of each pair is the complex conjugate.
@@ -306,7 +313,14 @@ class SystemRun:
             rigid if events else None,
         )
         self._options = Options(
-            _integrator(method), end, close, 0.0, self._h, len(times), sys.maxsize, stabilisation="raw"
+            integrator_of_systems(method),
+            end,
+            close,
+            0.0,
+            self._h,
+            len(times),
+            sys.maxsize,
+            stabilisation="raw",
         )
         self.stepper = stepper_of(
             self.equations,
@@ -318,7 +332,7 @@ class SystemRun:
             terminal=effects_of(events),
         )
 
-    def _prescribed(self, step: int) -> tuple[int, Array, Array]:
+    def _prescribed(self, step: int, *_: float) -> tuple[int, Array, Array]:
         """Return the first of some steps and their prescribed numbers, the same after a run was resumed."""
         first = step - step % _TOGETHER
         steps = np.arange(first, min(first + _TOGETHER, self._count))[:, None]

@@ -13,6 +13,8 @@ from symgen.runtime.kernels.evaluate import Evaluator, part
 #: Change [rad] of an angle after which its reference moves: far below the half revolution that it may change
 #: before the nearer way round is another one.
 _FAR = math.pi / 4
+#: Number of kernels with references that are kept.
+_STORED = 100
 
 
 class Counted:
@@ -91,6 +93,8 @@ class Counted:
         """Return kernels with the references number k."""
         key = evaluator, k
         if key not in self._evaluators:
+            if len(self._evaluators) > _STORED:  # of parameters that have changed
+                self._evaluators.clear()
             values = evaluator.parameter_values.copy()
             first = self._rigid.description.of_held.start
             values[first : first + self._count] = self._references[k]

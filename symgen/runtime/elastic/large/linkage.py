@@ -63,14 +63,13 @@ class LargeLinkage(RestingSystem):
     def __init__(self, motion: ElasticMotion, count: int) -> None:
         d = motion.rigid.description
         self.motion, self.rigid, self._points = motion, motion.rigid, d.coordinates
-        self._rigid, self._joints = motion.rigid.evaluator, motion.joints
+        self._rigid, self._joints, self._loads = motion.rigid.evaluator, motion.joints, motion._motion
         # Elements stretch, and welds hold their nodes: these constraints of the rigid motion are not theirs.
         elastic = {beam.info.link for beam in motion.beams} | set(motion.info.welds)
         self._names = [name for name in motion.constraints if name not in elastic]
-        gravity = gravity_of(motion)
-        self.links, pins, size = divided(motion, count, gravity)
-        self._bodies = bodies_on(motion, self.links, gravity)
-        along = list(forces_along(motion, self.links))
+        self.links, pins, size = divided(motion, count, gravity_of(motion))
+        self._bodies = bodies_on(motion, self.links, gravity_of(motion))
+        along = forces_along(motion, self.links)
         self._along = [(x, self._chord(x.link), Counted(self._rigid)) for x in along]
         self._sections = {name: rotation_of(self.links, name) for name in motion.info.rotations}
         acted = {name for couple in motion.info.couples for name in couple}
@@ -96,21 +95,18 @@ class LargeLinkage(RestingSystem):
         self._start = self._straight(size, q, u)
         self._supports = Supports(motion, self.links, pins, self._shaft, self._start[0])
         numbers = [motion.constraints.index(name) for name in self._names]
-        properties = np.concatenate([link.properties for link in self.links])
         self._elements = Elements(
             kernels(BLOCK).ADDRESSES,
             np.concatenate([link.elements for link in self.links]),
-            properties,
+            np.concatenate([link.properties for link in self.links]),
             any(link.beam.properties.stiffness_damping for link in self.links),
         )
         self._rigid_parts = Rigid(self._rigid, self._joints, rows, numbers, self.sizes, self._entries)
         parts: list[Part] = [self._elements, *self._bodies, self._rigid_parts]
         supported, (row, column) = len(self._supports.rows), np.nonzero(self._supports.rows)
-        # Values of supports, then places of points that welds to rigid links need, are known numbers behind
-        # the unknowns.
+        # Known numbers behind the unknowns: values of supports, places of points for welds to rigid links.
         welds = welds_to_bodies(motion, self.links, self._start[0], len(rows), size + supported)
-        if welds:
-            parts.append(welds)
+        parts += [welds] if welds else []
         welded = len(motion.info.welded_bodies)
         self._known = len(d.points) if welds else 0
         parts.append(
@@ -123,11 +119,10 @@ class LargeLinkage(RestingSystem):
         if self.loaded or self._by_shaft:
             parts.append(Added(self._added, self._diagonal, self._diagonal_places(), lambda: self._power))
         scale = np.full(size, max(link.beam.properties.length for link in self.links))
-        rotations = np.concatenate([link.places[:, 2] for link in self.links])
+        self._rotations = np.unique(np.concatenate([link.places[:, 2] for link in self.links]))
         self.states = np.arange(d.of_points, d.coordinates)
-        scale[rotations] = scale[self.states] = 1.0
-        self._rotations = np.unique(rotations)
-        self.translations = np.delete(np.arange(size), [*rotations, *self.states])
+        scale[self._rotations] = scale[self.states] = 1.0
+        self.translations = np.delete(np.arange(size), [*self._rotations, *self.states])
         multipliers, known = len(rows) + welded + supported, supported + 2 * self._known
         super().__init__(motion.rigid.name, parts, scale, multipliers, known)
 
@@ -154,8 +149,8 @@ class LargeLinkage(RestingSystem):
         """Return the calls of kernels with a link of undeformed length along the line between its ends."""
         beam = self.links[number].beam
         line = LinkSection(beam.info.link, beam.info.start, beam.info.end, beam.properties.length)
-        free = self.motion.rigid.description.free
-        return Posed(self.motion, [line] if {line.start, line.end} & set(free) else [])
+        is_free = not {line.start, line.end}.isdisjoint(self.motion.rigid.description.free)
+        return Posed(self.motion, [line] * is_free)
 
     def start(self) -> MotionState:
         """Return positions and rates at t = 0, of straight links with the velocities of rigid links."""
@@ -185,6 +180,12 @@ class LargeLinkage(RestingSystem):
             )
             if counted.follow(t, *state) and counted is self._counted:
                 self.recall(t)
+
+    def take_parameters(self, values: Array) -> None:
+        """Take values of the tunable parameters, of which loads alone depend on those that change."""
+        super().take_parameters(values)
+        self._joints, self._loads = (kernels.with_tunable(values) for kernels in (self._joints, self._loads))
+        self.recall(math.inf)
 
     def recall(self, t: float) -> None:
         """Take the references of angles in loads at a time of the run."""
@@ -276,7 +277,7 @@ class LargeLinkage(RestingSystem):
         if self._motor:
             forces[:, place] += terms[:, 0] * a[:, place]
         if self._by_shaft:
-            forces[:, self._by_shaft.places] -= self._by_shaft.rates(self._counted, t, q, v)[0]
+            forces[:, self._by_shaft.places] -= self._by_shaft.rates(self._joints, self._counted, t, q, v)[0]
         return forces
 
     def _add_along(self, forces: Array, t: Array, q: Array, v: Array) -> None:
@@ -284,16 +285,14 @@ class LargeLinkage(RestingSystem):
         columns = [APPLIED.index(f"load_force_{axis}") for axis in "xy"]
         for along, posed, counted in self._along:
             moved = posed(partial(self._ground, t), q, v)[:2]
-            loads, links = (
-                counted.blocks(self.motion._motion, name, t, *moved)[name] for name in ("loads", "links")
-            )
+            loads, links = (counted.blocks(self._loads, name, t, *moved)[name] for name in ("loads", "links"))
             force = loads.reshape(len(t), -1, len(APPLIED))[:, along.row, columns]
             along.add(forces, q, links.reshape(len(t), -1, len(MOTION))[:, along.link, :2], force)
 
     def _shaft_terms(self, motor: Posed, t: Array, q: Array, v: Array) -> Array:
         """Return inertia, damping, stiffness and torque of a motor at its rotation, (times, 4)."""
         moved = motor(partial(self._ground, t), q, v)
-        return self._of_motor.many(self.motion._motion, "shaft", t, *moved)
+        return self._of_motor.many(self._loads, "shaft", t, *moved)
 
     def _ground(self, t: Array, point: str) -> Array:
         """Return the places of a point of the ground at times, (times, 2)."""
@@ -310,7 +309,9 @@ class LargeLinkage(RestingSystem):
         if self._motor:
             slopes.append(self._shaft_terms(self._motor, t, q, v)[:, :3])
         if self._by_shaft:
-            slopes.append(np.outer(self._by_shaft.rates(self._counted, t, q, v)[1, 0], [0.0, -1.0, 0.0]))
+            slopes.append(
+                np.outer(self._by_shaft.rates(self._joints, self._counted, t, q, v)[1, 0], [0.0, -1.0, 0.0])
+            )
         return np.concatenate(slopes).T
 
     def matrices(self, at: MotionState, rates: bool = True) -> tuple[Any, Any, Any]:
@@ -321,8 +322,7 @@ class LargeLinkage(RestingSystem):
         mass, damping, stiffness = super().matrices(at)
         if not (self.loaded or self._by_shaft):
             return mass, damping, stiffness
-        if rates:
-            damping = damping + self._differences(at, 1)
+        damping = damping + self._differences(at, 1) if rates else damping
         return mass, damping, stiffness + self._differences(at, 0)
 
     def _differences(self, at: MotionState, by: int) -> Any:
@@ -367,8 +367,8 @@ class LargeLinkage(RestingSystem):
     def energies(self, t: Array, q: Array, v: Array, a: Array) -> Array:
         """Return kinetic, strain and potential energy [J] and the power of damping [W], (4, times)."""
         n = self._points
-        both = (part.values("energies", 4, q, v, a) for part in (self._elements, *self._bodies))
-        sums = sum(np.sum(of, axis=1) for of in both)
+        parts = self._elements, *self._bodies
+        sums = sum(np.sum(part.values("energies", 4, q, v, a), axis=1) for part in parts)
         if self._motor:
             inertia = self._shaft_terms(self._motor, t, q, v)[:, 0]
             sums[:, 0] += inertia * v[:, self._motor.moves[0][0].place] ** 2 / 2

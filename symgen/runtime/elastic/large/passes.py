@@ -115,12 +115,15 @@ class Refinement:
         """Number of samples."""
         return self.run.stepper.recorded
 
-    def events(self, of: RodModel) -> Iterator[LocatedEvent]:
-        """Yield its events, those of a linkage with rigid links."""
-        points, n = of.description.coordinates, self.run.system.unknowns
-        for t, i, rising, y in self.run.stepper.events:
-            state = np.concatenate([y[:points], y[n : n + points]])
-            yield LocatedEvent(of.description.events[i].name, t, rising, motion(of.evaluator, t, state))
+
+def events_of(
+    of: RodModel, unknowns: int, events: Iterable[tuple[float, int, bool | None, Array]]
+) -> Iterator[LocatedEvent]:
+    """Yield the events of a run of so many unknowns, those of a linkage with rigid links."""
+    points = of.description.coordinates
+    for t, i, rising, y in events:
+        state = np.concatenate([y[:points], y[unknowns : unknowns + points]])
+        yield LocatedEvent(of.description.events[i].name, t, rising, motion(of.evaluator, t, state))
 
 
 def refined_run(
@@ -264,6 +267,13 @@ def _by_elements(of: LargeMotion, times: Array, coarse: Refinement, max_wall: fl
     return reason
 
 
+def constraint_drift(system: ConstrainedSystem, moments: Sequence[MotionState]) -> Drift:
+    """Return the largest errors of the constraints."""
+    t, q, v, _, _ = stacked(moments)
+    rows = system.core.rows(t, q, v, *system.prescribed(t))
+    return Drift(*(float(np.max(np.abs(x), initial=0.0)) for x in rows))
+
+
 def drift_of(system: ConstrainedSystem, moments: Sequence[MotionState]) -> tuple[Drift, float | None]:
     """Return the largest errors of the constraints, of the energy, and of the balance of powers.
 
@@ -272,14 +282,13 @@ def drift_of(system: ConstrainedSystem, moments: Sequence[MotionState]) -> tuple
     for a single moment, where nothing does work or is damped, and where not all work is accounted for.
     """
     t, q, v, a, _ = stacked(moments)
-    rows = system.core.rows(t, q, v, *system.prescribed(t))
-    constraint, velocity = (float(np.max(np.abs(x), initial=0.0)) for x in rows)
+    drift = constraint_drift(system, moments)
     if not system.accounted:
-        return Drift(constraint, velocity), None
+        return drift, None
     kinetic, strain, potential, dissipated = system.energies(t, q, v, a)
     energy, work = kinetic + strain + potential, np.array([m.work for m in moments])
     error, exchanged = energy - work, max(np.ptp(kinetic), np.ptp(strain + potential))
-    drift = Drift(constraint, velocity, float(np.max(np.abs(error - error[0]))), float(exchanged))
+    drift = replace(drift, energy=float(np.max(np.abs(error - error[0]))), energy_exchanged=float(exchanged))
     damping = (dissipated[1:] + dissipated[:-1]) / 2
     rate, net, imbalance = (np.diff(x) / np.diff(t) for x in (energy, work, error))
     change, *powers = (float(np.max(np.abs(x), initial=0.0)) for x in (rate, damping, net + damping))
@@ -289,34 +298,52 @@ def drift_of(system: ConstrainedSystem, moments: Sequence[MotionState]) -> tuple
 
 def _result(of: LargeMotion, times: Array, one: Refinement, rtol: float, begun: float) -> ElasticResult:
     times = times[: one.count]
-    d, rigid, coordinate = of.rigid.description, of.rigid, of.coordinate(times)
-    shown = of.selected(one.variables)
-    notes = [*of.notes, *note_of_omitted(shown, d), *notes_on_events(rigid.evaluator, one.run.stepper)]
+    notes = [*notes_on_events(of.rigid.evaluator, one.run.stepper)]
     if one.error > rtol:
         notes.append(
             f"the error by time steps does not reach rtol = {rtol:g}: links vibrate, as from an abrupt "
             "start, too fast for the steps; give a shorter run, damping, or shorter steps by max_step"
         )
+    statistics = {
+        "steps": one.run.steps * (len(times) - 1) if one.run.is_whole else 0,
+        "corrections": one.run.equations.evaluations,
+        "error": one.error if math.isfinite(one.error) else None,
+        "power_balance": one.balance,
+    }
+    events = events_of(of.rigid, of.system.unknowns, one.run.stepper.events)
+    return result_of(of, times, of.selected(one.variables), notes, one.drift, events, statistics, rtol, begun)
+
+
+def result_of(
+    of: LargeMotion,
+    times: Array,
+    shown: Sequence[Variable],
+    notes: Iterable[str],
+    drift: Drift,
+    events: Iterable[LocatedEvent],
+    statistics: dict[str, Any],
+    rtol: float,
+    begun: float,
+) -> ElasticResult:
+    """Return the result of a run by its selected outputs; the clock was at ``begun`` [s] at its start."""
+    d, rigid, coordinate = of.rigid.description, of.rigid, of.coordinate(times)
     attributes = {"method": "large-rotation", "form": of.form, "rtol": rtol, "t_end": float(times[-1])}
     attributes |= {"initial": of.initial}
     return ElasticResult(
         **of_model(d, rigid.parameters, **attributes, **build_settings(rigid.evaluator.library, rigid.typed)),
         axes=d.axes,
         coordinate=coordinate,
-        variables=shown,
-        drift=one.drift,
+        variables=tuple(shown),
+        drift=drift,
         final={},
         statistics={
             "unknowns": of.system.unknowns - of.system.multipliers,
-            "steps": one.run.steps * (len(times) - 1) if one.run.is_whole else 0,
-            "corrections": one.run.equations.evaluations,
-            "error": one.error if math.isfinite(one.error) else None,
-            "power_balance": one.balance,
+            **statistics,
             "wall_s": time.perf_counter() - begun,
             "floquet": [],
             "floquet_error": None,
         },
-        events=tuple(one.events(rigid)),
-        notes=(*d.remarks, *notes),
+        events=tuple(events),
+        notes=(*d.remarks, *of.notes, *note_of_omitted(shown, d), *notes),
         times=None if coordinate.name == "time" else times,
     )

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +13,7 @@ from symgen.errors import ModelError, OptionsError
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.energies import Energies
 from symgen.runtime.beams.forces import joint_force, torque
+from symgen.runtime.elastic.control.stepper import SystemStepper, controlled_run, stepper
 from symgen.runtime.elastic.large.collocation import MotionState, stacked
 from symgen.runtime.elastic.large.linkage import LargeLinkage
 from symgen.runtime.elastic.large.passes import LargeMotion, refined_run
@@ -27,10 +30,10 @@ from symgen.runtime.elastic.outputs import (
 )
 from symgen.runtime.elastic.run import outputs_of_runs
 from symgen.runtime.elastic.steps import check_revolutions, turn
-from symgen.runtime.integrate.pace import unlimited
+from symgen.runtime.integrate.pace import limited, unlimited
 from symgen.runtime.kernels.arguments import count as whole
 from symgen.runtime.kernels.arguments import real
-from symgen.runtime.model.elastic_arguments import LargeRotation
+from symgen.runtime.model.elastic_arguments import ElasticRun, ElasticStepping, LargeRotation
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.equilibrium import Equilibrium
 from symgen.runtime.result.records import Variable
@@ -59,12 +62,12 @@ def large_run(motion: ElasticMotion, task: LargeRotation, elements: int) -> Elas
     SimulationError
         If the run cannot continue.
     """
-    end = _end_of_run(motion, task)
+    end = end_of_run(motion, task)
     large = large_motion(motion, elements)
     return refined_run(large, task, end, least_steps(motion, end), task.keeping())
 
 
-def _end_of_run(motion: ElasticMotion, task: LargeRotation) -> float:
+def end_of_run(motion: ElasticMotion, task: LargeRotation) -> float:
     """Return the end of a run in large rotation [s]: that given, or after one revolution or so many.
 
     Raises
@@ -133,6 +136,37 @@ def large_motion(motion: ElasticMotion, elements: int, outputs_of: Outputs | Non
     )
 
 
+def controlled_links(model: Any, request: ElasticRun, elements: int) -> ElasticResult:
+    """Return a run with a controller, in so many elements of each link.
+
+    Raises
+    ------
+    ModelError
+        For options of linear theory, and as :func:`.controlled_run`.
+    """
+    large = replace(request, controller=None, sample=None).in_large_rotation
+    if large is None:
+        raise ModelError(
+            "controllers are for elastic links in large rotation: linear theory prescribes the rigid motion\n"
+            "  Leave out options of linear theory: t_end, revolutions, rtol, samples and max_step remain."
+        )
+    motion = model.motion(True)
+    with limited(request.max_wall):
+        end, request = end_of_run(motion, large), replace(request, samples=large.samples)
+        return controlled_run(model, request, partial(_controlled, motion, elements), end)
+
+
+def stepper_of_links(model: Any, request: ElasticStepping, elements: int) -> SystemStepper:
+    """Return a motion that advances by calls, in so many elements of each link if the request has none."""
+    count = elements if request.elements is None else request.elements
+    return stepper(model, request, partial(_controlled, model.motion(True), count))
+
+
+def _controlled(motion: ElasticMotion, elements: int) -> LargeMotion:
+    """Return a linkage whose inputs change; without displacements, for its rigid motion is not known."""
+    return large_motion(motion, elements, partial(outputs, rigid={}))
+
+
 def counted(elements: int) -> int:
     """Return a number of elements; raise ModelError where it is out of range."""
     elements = whole(elements, "elements")
@@ -165,8 +199,8 @@ def outputs(
 ) -> list[Variable]:
     """Return strains, displacements, forces, torque and energies.
 
-    Displacements are from places of the free points with rigid links, (times, 2) each: by default those of
-    the rigid motion.
+    Displacements are from places of the free points with rigid links, (times, 2) each, of those among
+    ``rigid``: by default those of the rigid motion.
     """
     times, q, v, a, multipliers = stacked(moments)
     d, variables = motion.rigid.description, list[Variable]()
@@ -177,7 +211,8 @@ def outputs(
     rigid = _rigid_places(motion, times) if rigid is None else rigid
     for k, point in enumerate(d.free):
         place = q[:, 2 * k : 2 * k + 2]
-        variables.append(displacement(point, place - rigid[point]))
+        if point in rigid:
+            variables.append(displacement(point, place - rigid[point]))
         variables.append(Variable(f"{point}.position", "m", f"position of {point}", ("x", "y"), place))
     for link in linkage.links:
         name = link.beam.info.link

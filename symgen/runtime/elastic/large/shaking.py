@@ -71,7 +71,7 @@ def in_large_rotation(
         for node, end in ((0, forces[:, 0, :3]), (-1, forces[:, -1, 3:])):
             on_links.append((q[:, link.places[node, :2]], end[:, :2], end[:, 2:]))
     n = rigid.description.coordinates
-    return _shaking(rigid, t, q[:, :n], v[:, :n], a[:, :n], on_links)
+    return _shaking(rigid, t, q[:, :n], v[:, :n], a[:, :n], on_links, linkage.taken)
 
 
 def in_space(linkage: LinkageInSpace, moments: Sequence[MotionState]) -> list[Variable]:
@@ -89,7 +89,7 @@ def in_space(linkage: LinkageInSpace, moments: Sequence[MotionState]) -> list[Va
             parts = (states[:, :, 0], forces[:, :, 0], couples)
             on_links += zip(*(np.moveaxis(part, 1, 0) for part in parts), strict=True)
     n = linkage.rigid.description.coordinates
-    return _shaking(linkage.rigid, t, q[:, :n], v[:, :n], a[:, :n], on_links)
+    return _shaking(linkage.rigid, t, q[:, :n], v[:, :n], a[:, :n], on_links, linkage.taken)
 
 
 def _selected(rigid: RodModel) -> bool:
@@ -100,14 +100,22 @@ def _selected(rigid: RodModel) -> bool:
 
 
 def _shaking(
-    rigid: RodModel, t: Array, q: Array, u: Array, a: Array, on_links: Iterable[OnLink]
+    rigid: RodModel,
+    t: Array,
+    q: Array,
+    u: Array,
+    a: Array,
+    on_links: Iterable[OnLink],
+    taken: Array | None = None,
 ) -> list[Variable]:
     """Return the outputs, from the motion of points (times, coordinates) and what joints exert on links.
 
     That is inertia less weight and loads of each elastic link. The kernel has weight and loads from outside
-    less inertia of all other parts.
+    less inertia of all other parts; ``taken`` are values of the tunable parameters other than of the model.
     """
-    blocks = rigid.analysis("shaking").many_blocks("shaking", t, q, u, a)
+    kernels = rigid.analysis("shaking")
+    kernels = kernels if taken is None else kernels.with_tunable(taken)
+    blocks = kernels.many_blocks("shaking", t, q, u, a)
     force, moment = (np.array(blocks[name]).reshape(len(t), -1) for name in _OUTPUTS)
     for place, push, couple in on_links:
         force = force - push

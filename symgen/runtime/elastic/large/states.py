@@ -21,7 +21,6 @@ class StatesByShaft:
     the numbers of those of the linkage with rigid links, in ``work`` of kernels before angle and rate.
     """
 
-    joints: Evaluator
     places: Indices
     shaft: Indices
     coordinates: int
@@ -34,12 +33,12 @@ class StatesByShaft:
             return None
         d, (block, _) = motion.rigid.description, motion.joints.info("states").blocks
         places = d.of_points + np.array([[*d.states].index(name) for name in block.rows], dtype=np.intp)
-        return cls(motion.joints, places, crank.places[:1, 2], d.coordinates, len(d.constraints))
+        return cls(places, crank.places[:1, 2], d.coordinates, len(d.constraints))
 
-    def rates(self, counted: Counted, t: Array, q: Array, v: Array) -> Array:
+    def rates(self, joints: Evaluator, counted: Counted, t: Array, q: Array, v: Array) -> Array:
         """Return their rates, then the slopes of these by their own states, (2, times, states)."""
         n = self.coordinates
         work = np.zeros((len(t), n + self.constraints + 2))
         work[:, -2:] = np.hstack([q[:, self.shaft], v[:, self.shaft]])
-        found = counted.many(self.joints, "states", t, q[:, :n], v[:, :n], work)
+        found = counted.many(joints, "states", t, q[:, :n], v[:, :n], work)
         return np.array(np.split(found, 2, axis=1))

@@ -119,8 +119,8 @@ class LinkageInSpace(RestingSystem):
             Elements(kernels(BLOCK).ADDRESSES, k.elements, k.arguments.real, bool(k.section[DAMPING]))
             for k in self.links
         ]
-        rigid_parts = Rigid(*evaluators, rows, range(len(rows)), sizes, entries)
-        parts = [*beams, rigid_parts, ties, directions(on_directions, size, first)]
+        self._rigid_parts = Rigid(*evaluators, rows, range(len(rows)), sizes, entries)
+        parts = [*beams, self._rigid_parts, ties, directions(on_directions, size, first)]
         known = 3 * len(d.points) + AXES * (1 + len(d.elastic.driven))
         super().__init__(rigid.name, parts, scale, first + len(on_directions), known)
         self.rows, self.sizes, self.pins = rows, sizes, pins
@@ -147,6 +147,13 @@ class LinkageInSpace(RestingSystem):
                     )
         labels[: self._points] = [*(f"{p}.{axis}" for p in d.free for axis in d.axes), *d.integrals]
         return tuple(labels)
+
+    def take_parameters(self, values: Array) -> None:
+        """Take values of the tunable parameters, of which loads alone depend on those that change."""
+        super().take_parameters(values)
+        joints = self.of_joints.values.with_tunable(values)
+        self.of_joints = Duals(joints)
+        self._rigid_parts.take_parameters(joints.parameters)
 
     @property
     def has_drives(self) -> bool:

@@ -10,6 +10,7 @@ import numpy as np
 
 from symgen.calls import checked
 from symgen.errors import ModelError, SimulationError
+from symgen.runtime.elastic.control.stepper import SystemStepper, controlled_run, stepper
 from symgen.runtime.elastic.large.collocation import MotionState, stacked
 from symgen.runtime.elastic.large.passes import LargeMotion, refined_run
 from symgen.runtime.elastic.model import ModelOfRigid
@@ -20,7 +21,7 @@ from symgen.runtime.integrate.options import end_of_scene, initial_state
 from symgen.runtime.integrate.pace import limited
 from symgen.runtime.kernels.arguments import real
 from symgen.runtime.model.arguments import takes
-from symgen.runtime.model.elastic_arguments import RunInSpace
+from symgen.runtime.model.elastic_arguments import RunInSpace, SystemStepping
 from symgen.runtime.result.elastic import ElasticResult
 from symgen.runtime.result.modes import ElasticModes
 from symgen.runtime.result.records import Variable, over_time
@@ -134,8 +135,23 @@ class SpatialModel(ModelOfRigid):
         end = end_of_scene(d.t_end) if request.t_end is None else real(request.t_end, "t_end")
         if not end > 0.0:
             raise ModelError(f"expected t_end above zero, got {end!r}")
+        with limited(request.max_wall):
+            if request.controlled:
+                return controlled_run(self, request, partial(self._large, state), end)
+            try:
+                return refined_run(self._large(state), request, end, _STEPS)
+            except SimulationError as error:
+                if error.partial is not None:
+                    raise
+                raise SimulationError(f"{error}{self._dead_centre(error.time)}", time=error.time) from None
+
+    @takes(SystemStepping)
+    def _stepper(self, request: SystemStepping) -> SystemStepper:
+        return stepper(self, request, partial(self._large, "undeformed"))
+
+    def _large(self, state: str | tuple[float, ...]) -> LargeMotion:
         linkage = LinkageInSpace(self.rigid)
-        large = LargeMotion(
+        return LargeMotion(
             self.rigid,
             linkage,
             partial(LinkageInSpace, self.rigid, divided=2),
@@ -146,13 +162,6 @@ class SpatialModel(ModelOfRigid):
             start=partial(initial, state=state),
             initial=state,
         )
-        with limited(request.max_wall):
-            try:
-                return refined_run(large, request, end, _STEPS)
-            except SimulationError as error:
-                if error.partial is not None:
-                    raise
-                raise SimulationError(f"{error}{self._dead_centre(error.time)}", time=error.time) from None
 
     def _outputs(self, linkage: LinkageInSpace, moments: Sequence[MotionState]) -> list[Variable]:
         """Return the outputs, without places of points at rest unless the scene selects them.

@@ -1,0 +1,1 @@
+"""Control loops with elastic links."""
