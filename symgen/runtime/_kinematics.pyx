@@ -201,16 +201,36 @@ cdef class KinematicLanes(Steps):
             self.sizes.joint_forces = called[4].out_size
         self.bound(motion, groups, forces, called)
 
-    cdef tuple padded(self, const double[:, ::1] parameters, const double[:, ::1] q, const double[::1] lengths, Py_ssize_t count):
-        """Return parameters, coordinates and lengths for all lanes; idle lanes repeat the last run."""
-        cdef Py_ssize_t runs = parameters.shape[0], parameter_count = self.sizes.parameters, n = self.sizes.n
+    cdef Py_ssize_t filled(self, Py_ssize_t runs):
+        """Return the number of runs that fill all lanes: idle lanes repeat the last run."""
+        return (runs + self.lanes - 1) // self.lanes * self.lanes
+
+    cdef object followed(self, kinematic_task *task, kinematic_extremes *e, double t, const double[:, ::1] parameters,
+                         const double[:, ::1] q, const double[::1] lengths, const double[::1] times):
+        """Carry out a task with room for all lanes, or its extremes; return the number of times reached."""
+        cdef Py_ssize_t runs = parameters.shape[0], parameter_count = self.sizes.parameters, n = self.sizes.n, first = 0
+        cdef Py_ssize_t count = times.shape[0], forces = self.sizes.joint_forces, w = self.lanes, padded = self.filled(runs)
         if count < 1 or runs < 1 or parameters.shape[1] != parameter_count or q.shape[0] != runs or q.shape[1] != n or lengths.shape[0] != runs:
             raise ValueError(f"expected times, and one or more rows of {parameter_count} parameters and of {n} coordinates")
-        own = np.minimum(np.arange((runs + self.lanes - 1) // self.lanes * self.lanes), runs - 1)
-        return (
-            np.ascontiguousarray(np.asarray(parameters)[own]).reshape(len(own), parameter_count),
-            np.ascontiguousarray(np.asarray(q)[own]), np.asarray(lengths)[own],
-        )
+        own, reached = np.minimum(np.arange(padded), runs - 1), np.zeros(padded, dtype=np.intp)
+        cdef const double[:, ::1] all_parameters = np.ascontiguousarray(np.asarray(parameters)[own]).reshape(padded, parameter_count)
+        cdef const double[:, ::1] all_q = np.ascontiguousarray(np.asarray(q)[own])
+        cdef const double[::1] all_lengths = np.asarray(lengths)[own]
+        cdef Py_ssize_t[::1] to_reached = reached
+        cdef double none = 0.0
+        task.t, task.times, task.count, task.extremes = t, &times[0], count, e
+        with nogil:
+            while first < padded and not interrupted():
+                task.parameters = &all_parameters[first, 0] if parameter_count else &none
+                task.q, task.lengths, task.reached = &all_q[first, 0], &all_lengths[first], &to_reached[first]
+                self.api.follow(self.core, task)
+                first += w
+                if e == NULL:
+                    task.rows, task.forces = task.rows + w * count * 3 * n, task.forces + w * count * forces
+                else:
+                    e.rows, e.closure, e.steady = e.rows + w * 4 * forces, e.closure + w, e.steady + w
+        raise_failure()
+        return reached[:runs]
 
     def follow(self, double t, const double[:, ::1] parameters, const double[:, ::1] q, const double[::1] lengths,
                const double[::1] times) -> tuple[Array, Array, Indices]:
@@ -225,32 +245,15 @@ cdef class KinematicLanes(Steps):
             (runs, times, forces); and the number of times reached (runs,), fewer if the single :class:`Kinematics` ends
             as well: later rows are undefined.
         """
-        cdef Py_ssize_t runs = parameters.shape[0], count = times.shape[0], n = self.sizes.n, w = self.lanes
-        cdef Py_ssize_t forces = self.sizes.joint_forces, first, lane, run, parameter_count = self.sizes.parameters
+        cdef Py_ssize_t runs = parameters.shape[0], count = times.shape[0], n = self.sizes.n, forces = self.sizes.joint_forces
         cdef kinematic_task task
-        cdef const double[:, ::1] all_parameters, all_q
-        cdef const double[::1] all_lengths
-        all_parameters, all_q, all_lengths = self.padded(parameters, q, lengths, count)
-        cdef Py_ssize_t padded = all_q.shape[0]
-        states, joints = np.empty((padded * count * 3 * n + 1)), np.empty(padded * count * forces + 1)
-        reached = np.zeros(padded + 1, dtype=np.intp)
+        states, joints = np.empty(self.filled(runs) * count * 3 * n + 1), np.empty(self.filled(runs) * count * forces + 1)
         cdef double[::1] to_states = states, to_joints = joints
-        cdef Py_ssize_t[::1] to_reached = reached
-        cdef double none = 0.0
-        task.t, task.times, task.count, task.extremes = t, &times[0], count, NULL
-        with nogil:
-            first = 0
-            while first < padded and not interrupted():
-                task.parameters = &all_parameters[first, 0] if parameter_count else &none
-                task.q, task.lengths = &all_q[first, 0], &all_lengths[first]
-                task.rows, task.forces = &to_states[first * count * 3 * n], &to_joints[first * count * forces]
-                task.reached = &to_reached[first]
-                self.api.follow(self.core, &task)
-                first += w
-        raise_failure()
+        task.rows, task.forces = &to_states[0], &to_joints[0]
+        reached = self.followed(&task, NULL, t, parameters, q, lengths, times)
         return (
             states[:runs * count * 3 * n].reshape(runs, count, 3, n), joints[:runs * count * forces].reshape(runs, count, forces),
-            reached[:runs],
+            reached,
         )
 
     def extremes(self, double t, const double[:, ::1] parameters, const double[:, ::1] q, const double[::1] lengths,
@@ -278,14 +281,10 @@ cdef class KinematicLanes(Steps):
             Joint forces (runs, 4, forces): greatest, least, where each vector is longest, and last; the largest
             violation of a constraint (runs,); which runs reach the end, and which of these with small rotations only.
         """
-        cdef Py_ssize_t runs = parameters.shape[0], count = times.shape[0], n = self.sizes.n, w = self.lanes, first = 0
-        cdef Py_ssize_t forces = self.sizes.joint_forces, parameter_count = self.sizes.parameters
+        cdef Py_ssize_t runs = parameters.shape[0], count = times.shape[0], forces = self.sizes.joint_forces
+        cdef Py_ssize_t padded = self.filled(runs)
         cdef kinematic_task task
         cdef kinematic_extremes e
-        cdef const double[:, ::1] all_parameters, all_q
-        cdef const double[::1] all_lengths
-        all_parameters, all_q, all_lengths = self.padded(parameters, q, lengths, count)
-        cdef Py_ssize_t padded = all_q.shape[0]
         if recorded.shape[0] != count or starts.shape[0] < 1 or links.shape[1] != 2:
             raise ValueError(f"expected {count} flags, starts of vectors, and pairs of points")
         if np.min(starts) < 0 or np.max(starts) > forces or np.any(np.diff(starts) < 1):
@@ -294,26 +293,16 @@ cdef class KinematicLanes(Steps):
             raise ValueError(f"expected flags of {starts.shape[0] - 1} vectors, and at most {self.sizes.links} links")
         if links.shape[0] and not 0 <= np.min(links) <= np.max(links) <= self.sizes.coordinates - 2:
             raise ValueError(f"expected points among {self.sizes.coordinates} coordinates")
-        rows, violation = np.empty((padded, 4, forces)), np.empty(padded)
-        reached, steady = np.zeros(padded, dtype=np.intp), np.zeros(padded, dtype=np.uint8)
+        rows, violation, steady = np.empty((padded, 4, forces)), np.empty(padded + 1), np.zeros(padded + 1, dtype=np.uint8)
         cdef double[:, :, ::1] to_rows = rows
         cdef double[::1] to_violation = violation
-        cdef Py_ssize_t[::1] to_reached = reached
         cdef unsigned char[::1] to_steady = steady
-        cdef double none = 0.0
-        task.t, task.times, task.count, task.extremes = t, &times[0], count, &e
+        e.rows, e.closure, e.steady = &to_rows[0, 0, 0], &to_violation[0], &to_steady[0]
         e.recorded, e.starts, e.vectors = &recorded[0], &starts[0], starts.shape[0] - 1
         e.wanted = &wanted[0] if e.vectors else NULL
         e.links, e.link_count, e.turn = &links[0, 0] if links.shape[0] else NULL, links.shape[0], turn
-        with nogil:
-            while first < padded and not interrupted():
-                task.parameters = &all_parameters[first, 0] if parameter_count else &none
-                task.q, task.lengths, task.reached = &all_q[first, 0], &all_lengths[first], &to_reached[first]
-                e.rows, e.closure, e.steady = &to_rows[first, 0, 0], &to_violation[first], &to_steady[first]
-                self.api.follow(self.core, &task)
-                first += w
-        raise_failure()
-        return rows[:runs], violation[:runs], reached[:runs] == count, steady[:runs].astype(bool)
+        reached = self.followed(&task, &e, t, parameters, q, lengths, times)
+        return rows[:runs], violation[:runs], reached == count, steady[:runs].astype(bool)
 
 
 cdef object _checked(numbers, Py_ssize_t limit):
