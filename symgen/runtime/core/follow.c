@@ -8,73 +8,60 @@
 #define CREEP R(1e4)
 enum { PACE = 4096 };
 
-/* Try to close the loop at `next`, in l->q, predicted from (t, q); `last`: whether `next` is the target. */
-static int attempt(struct loop *l, real t, const real *q, real next, int last) {
-    const long row = l->sizes.n + 1;
-    const struct loop_state now = {q, l->u, l->base.work}, past = {l->past, l->past + row, l->past + 2 * row};
-    const real h = next - t, largest = predicted_change(l, h, R(l->seen->stride), now, past, l->q);
+/* Try to close the loop at `next`, in l->next, predicted from l->now at t; `last`: whether `next` is the target. */
+static int attempt(struct loop *l, real t, real next, int last) {
+    const real h = next - t, largest = predicted_change(l, h);
     l->follows = 1;
-    const int status = largest <= LOOP_LONGEST ? loop_close(l, next, l->q) : OPEN;
+    const int status = largest <= LOOP_LONGEST ? loop_close(l, next, l->next) : OPEN;
     l->follows = 0;
     if (status != DONE)
         return status;
-    if (!any(as_predicted(l, h, largest, now, l->q)))
+    if (!any(as_predicted(l, h, largest)))
         return OPEN;
     if (last && !(R(l->base.account->soundness) > RANK_RADIUS))
         return RATES_UNDETERMINED;
     return l->base.account->soundness > l->base.sizes.rank_tolerance ? DONE : SINGULAR;
 }
 
-static void keep_columns(struct loop *l) {
-    memcpy(l->followed, l->columns, (size_t)(ROWS * l->sizes.solved) * sizeof(real));
-}
-
-/* Accept the closed pose in l->q at t as the last followed state. */
-static int arrive(struct loop *l, real t, real *q, real next) {
+/* Accept the closed pose in l->next as the last followed state. */
+static int arrive(struct loop *l, real t, real next) {
     const long n = l->sizes.n;
-    const size_t row = (size_t)n * sizeof(real);
-    memcpy(l->past, q, row);
-    memcpy(l->past + n + 1, l->u, row);
-    memcpy(l->past + 2 * (n + 1), l->base.work, row);
-    l->seen->stride = (double)(next - t);
-    const int status = loop_move(l, next, l->q, l->u, l->base.work);
-    if (status != DONE)
-        return status;
-    memcpy(q, l->q, row);
-    keep_columns(l);
-    return DONE;
+    const int status = loop_move(l, next, l->next, l->next + n, l->next + 2 * n);
+    if (status == DONE)
+        take_next(l, 1, next - t);
+    return status;
 }
 
-static int follow_to(struct loop *l, real *t, real *q, real target, real longest, int scouts);
+static int follow_to(struct loop *l, real *t, real target, real longest, int scouts);
 
-/* Whether the branch of the state (t, q) leads to `next`, which l->q reaches on another one. At a change point, where
+/* Whether the branch of the state l->now at t leads to `next`, which l->next reaches on another one. At a change point, where
    branches cross, it does not: the motion goes straight on. The state is the same afterwards. */
-static int leads(struct loop *l, real t, real *q, real next, real longest) {
-    const long n = l->sizes.n, row = n + 1;
+static int leads(struct loop *l, real t, real next, real longest) {
+    const long n = l->sizes.n;
     struct {
         real *at;
         long count;
-    } parts[] = {{q, n}, {l->q, n}, {l->u, n}, {l->base.work, n}, {l->past, 3 * row}, {l->followed, ROWS * n}};
-    const double stride = l->seen->stride;
+    } parts[] = {{l->now, 3 * n}, {l->next, n}, {l->past, 3 * n}, {l->followed, ROWS * n}};
+    const real stride = l->stride;
     const size_t count = sizeof parts / sizeof *parts;
     real *kept = l->scout;
     for (size_t i = 0; i < count; kept += parts[i++].count)
         memcpy(kept, parts[i].at, (size_t)parts[i].count * sizeof(real));
     real at = t;
-    const int led = follow_to(l, &at, q, next, longest, 1) == DONE;
+    const int led = follow_to(l, &at, next, longest, 1) == DONE;
     kept = l->scout;
     for (size_t i = 0; i < count; kept += parts[i++].count)
         memcpy(parts[i].at, kept, (size_t)parts[i].count * sizeof(real));
-    l->seen->stride = stride;
+    l->stride = stride;
     return led;
 }
 
 /* Reach the target on one assembly branch, in steps whose prediction is close to the solution. A scout ends near a loss
  * of rank.
  *
- * Return RATES_UNDETERMINED if the screws lose rank at the target itself: l->q is closed there, and t and q remain at
- * the previous step. */
-static int follow_to(struct loop *l, real *t, real *q, real target, real longest, int scouts) {
+ * Return RATES_UNDETERMINED if the screws lose rank at the target itself: l->next is closed there, and t and l->now remain
+ * at the previous step. */
+static int follow_to(struct loop *l, real *t, real target, real longest, int scouts) {
     real h = target - *t, led = *t;
     if (h == 0)
         return DONE;
@@ -96,22 +83,22 @@ static int follow_to(struct loop *l, real *t, real *q, real target, real longest
             next = target;
         if (next == *t)
             return STEP_TOO_SMALL;
-        int status = attempt(l, *t, q, next, next == target);
+        int status = attempt(l, *t, next, next == target);
         if (status == RATES_UNDETERMINED)
             return RATES_UNDETERMINED;
         if (status == DONE && !any(same_branch_of(l))) {
             const int ahead = h > 0 ? led >= next : led <= next;
-            if (scouts || ahead || leads(l, *t, q, next, longest)) {
+            if (scouts || ahead || leads(l, *t, next, longest)) {
                 led = ahead ? led : next;
                 status = OPEN;
             } else {
-                status = loop_close(l, next, l->q);
+                status = loop_close(l, next, l->next);
             }
         }
         if (status == DONE && scouts && !(R(l->base.account->soundness) > R(10) * RANK_RADIUS))
             return SINGULAR;
         if (status == DONE) {
-            status = arrive(l, *t, q, next);
+            status = arrive(l, *t, next);
             if (status != DONE)
                 return status;
             *t = next;
@@ -135,36 +122,43 @@ static void diagnose(const struct loop *l, int status, double *row) {
     row[STATUS] = status;
 }
 
-int loop_follow(struct loop *l, real *t, real *q, const real *times, long count, real longest, real *states,
-                long row, real *out, long width, double *diagnosis, long *reached) {
+/* As loop_follow, from and to the state l->now. */
+static int follow_times(struct loop *l, real *t, const real *times, long count, real longest, real *states, long row,
+                        real *out, long width, double *diagnosis, long *reached) {
     const long n = l->sizes.n;
-    real *u = l->u, *work = l->base.work, *p = l->base.p;
-    l->seen->stride = 0;
-    *reached = 0;
+    real *q = l->now, *u = q + n, *work = u + n;
     int status = loop_close(l, *t, q);
     if (status == DONE)
         status = loop_move(l, *t, q, u, work);
     if (status != DONE)
         return status;
-    keep_columns(l);
+    keep_columns(l, 1);
     for (long i = 0; i < count; i++) {
         real *state = states + row * i, *recorded = out + width * i;
-        status = is_interrupted(i) ? NOT_FINITE : follow_to(l, t, q, times[i], longest, 0);
+        status = is_interrupted(i) ? NOT_FINITE : follow_to(l, t, times[i], longest, 0);
         if (status != DONE && status != RATES_UNDETERMINED)
             return status;
-        const real *at = status == RATES_UNDETERMINED ? l->q : q;
+        const real *at = status == RATES_UNDETERMINED ? l->next : q;
         memcpy(state, at, (size_t)n * sizeof(real));
         if (status == DONE) {
-            memcpy(state + n, u, (size_t)n * sizeof(real));
             status = loop_force(l, *t, q, u, work);
-            memcpy(state + 2 * n, work, (size_t)(n + ROWS) * sizeof(real));
+            memcpy(state + n, u, (size_t)(2 * n + ROWS) * sizeof(real));
         }
         if (l->kernels.outputs)
-            l->kernels.outputs(&times[i], at, u, p, work, recorded);
+            l->kernels.outputs(&times[i], at, u, l->p, work, recorded);
         if (status == DONE && !(all_finite(work, n + ROWS) && all_finite(recorded, l->sizes.out_size)))
             return NOT_FINITE;
         diagnose(l, status, diagnosis + DIAGNOSES * i);
         *reached = i + 1;
     }
     return DONE;
+}
+
+int loop_follow(struct loop *l, real *t, real *q, const real *times, long count, real longest, real *states,
+                long row, real *out, long width, double *diagnosis, long *reached) {
+    l->stride = 0, *reached = 0;
+    copy(q, l->sizes.n, l->now);
+    const int status = follow_times(l, t, times, count, longest, states, row, out, width, diagnosis, reached);
+    copy(l->now, l->sizes.n, q);
+    return status;
 }

@@ -51,7 +51,6 @@ struct loop_account {
     double closure;    /* largest defect: of rotations, and of lengths over the size */
     double rates_left; /* part of the required rates that no motion of the solved variables can supply */
     double hold;       /* determinant of the drives of unknown effort over the inputs of known effort */
-    double stride;     /* time since the previous state [s]; 0: there is no previous state */
 };
 
 struct loop {
@@ -73,7 +72,10 @@ struct loop {
     wide closure, soundness, hold; /* of the last pose, before they enter the accounts */
     long looks;
     wide *p, *scale, *screws, *matrix, *prescribed, *efforts, *loads, *work;
-    wide *q, *u, *trial, *step, *reduced, *basis, *gain, *past, *change;
+    wide *q, *u, *trial, *step, *reduced, *basis, *gain, *change;
+    wide *now, *past, *next;  /* followed states: variables, rates and accelerations, behind these the closing wrench; now,
+                                 at the state before, and after the next step */
+    wide stride;              /* time since the state before [s]; 0: there is none */
     wide *columns, *followed; /* the scaled screws of the solved variables, six numbers for each: evaluated last, and
                                  at the last followed state */
     real *scout;   /* a followed state, kept while steps ahead are tried */

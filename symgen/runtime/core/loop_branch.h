@@ -3,39 +3,37 @@
 #include "loop.h"
 #include "loop_limits.h"
 
-/* A followed state of a loop: positions, rates and accelerations. */
-struct loop_state {
-    const wide *q, *u, *a;
-};
-
-/* Set the variables `new` to those predicted after a step h from a state, by that of a stride g before too, and the
-   changes of the solved ones to l->change. Return the largest change, in radians or sizes of the loop. */
-static wide predicted_change(struct loop *l, wide h, wide g, struct loop_state now, struct loop_state past, wide *new) {
-    const wide s = h / g;
+/* Set the variables of the next state to those predicted after a step h, by the state before too, and the changes of the
+   solved ones to l->change. Return the largest change, in radians or sizes of the loop. */
+static wide predicted_change(struct loop *l, wide h) {
+    const long n = l->sizes.n;
+    const wide g = l->stride, s = h / g, *q = l->now, *u = q + n, *a = u + n, *q0 = l->past, *u0 = q0 + n, *a0 = u0 + n;
     const mask near = near_stride(h, g);
     wide largest = all(0);
-    memcpy(new, now.q, (size_t)l->sizes.n * sizeof(wide));
+    memcpy(l->next, q, (size_t)n * sizeof(wide));
     for (long k = 0; k < l->sizes.solved; k++) {
         const long j = l->solved[k];
-        l->change[k] = extrapolated(near, h, s, g, now.q[j], now.u[j], now.a[j], past.q[j], past.u[j], past.a[j]);
-        new[j] += l->change[k];
+        l->change[k] = extrapolated(near, h, s, g, q[j], u[j], a[j], q0[j], u0[j], a0[j]);
+        l->next[j] += l->change[k];
         largest = larger(largest, magnitude(l->change[k]) / l->scale[j]);
     }
     return largest;
 }
 
-/* Lanes in which the closed variables `new` are near their prediction and the inputs did not reverse within the step,
-   which the rates at both ends do not show. */
-static mask as_predicted(const struct loop *l, wide h, wide largest, struct loop_state now, const wide *new) {
+/* Lanes in which the closed variables of the next state are near their prediction and the inputs did not reverse within the
+   step, which the rates at both ends do not show. */
+static mask as_predicted(const struct loop *l, wide h, wide largest) {
+    const long n = l->sizes.n;
+    const wide *q = l->now, *u = q + n, *a = u + n;
     mask near = ~(mask){0};
     wide astray = all(0);
     for (long k = 0; k < l->sizes.solved; k++) {
         const long j = l->solved[k];
-        astray = larger(astray, magnitude(new[j] - now.q[j] - l->change[k]) / l->scale[j]);
+        astray = larger(astray, magnitude(l->next[j] - q[j] - l->change[k]) / l->scale[j]);
     }
     for (long k = 0; k < l->sizes.inputs; k++) {
         const long j = l->driven[k];
-        const wide apart = new[j] - now.q[j] - parabola(h, now.u[j], now.a[j]);
+        const wide apart = l->next[j] - q[j] - parabola(h, u[j], a[j]);
         const mask reversed = magnitude(apart) / l->scale[j] > LOOP_LONGEST;
         near &= ~reversed;
     }
@@ -61,4 +59,18 @@ static mask same_branch_of(const struct loop *l) {
     for (long i = 0; i < rank; i++)
         opposite ^= (product[(rank + 1) * i] < 0) ^ (swaps[i] != i);
     return regular & ~opposite;
+}
+
+/* Keep the screws evaluated last as those of the last followed state. */
+static void keep_columns(struct loop *l, mask which) {
+    copy_where(which, l->columns, ROWS * l->sizes.solved, l->followed);
+}
+
+/* Make the next state, after a step h, that of now in some lanes. */
+static void take_next(struct loop *l, mask which, wide h) {
+    const long n = l->sizes.n;
+    keep_columns(l, which);
+    copy_where(which, l->now, 3 * n, l->past);
+    copy_where(which, l->next, 3 * n, l->now);
+    l->stride = chosen(which, h, l->stride);
 }

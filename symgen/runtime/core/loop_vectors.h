@@ -10,31 +10,12 @@ enum { MOST_HALVINGS = 12 };
 
 struct loop_lanes {
     struct loop of;
-    wide t, stride, first, rate;      /* value and rate of the input `lead` at t = 0 */
-    wide *now, *past, *next, *begun;  /* variables, rates, accelerations and closing wrench: now, at the previous state,
-                                         after the next step; variables at the start */
+    wide t, first, rate; /* value and rate of the input `lead` at t = 0 */
 };
-
-static size_t loop_lane_place(struct loop_lanes *l, const struct loop_sizes *s, void *memory) {
-    const ptrdiff_t state = 3 * s->n + ROWS;
-    const struct arena_array arrays[] = {
-        ARENA_ARRAY(l->now, state),
-        ARENA_ARRAY(l->past, state),
-        ARENA_ARRAY(l->next, state),
-        ARENA_ARRAY(l->begun, s->n + 1),
-    };
-    return ARENA_PLACE(arrays, memory);
-}
-
-static size_t loop_lane_bytes(const struct loop_sizes *sizes) {
-    struct loop_lanes counted;
-    return loop_bytes(sizes) + loop_lane_place(&counted, sizes, NULL);
-}
 
 static void loop_lane_bind(struct loop_lanes *l, const struct loop_sizes *sizes, const struct loop_kernels *kernels,
                            const ptrdiff_t *numbers, const unsigned char *is_length, void *memory) {
     loop_bind(&l->of, sizes, kernels, numbers, is_length, NULL, memory);
-    loop_lane_place(l, sizes, (char *)memory + loop_bytes(sizes));
 }
 
 /* Close the open lanes at t from q, in place; return the lanes closed by full steps. */
@@ -57,20 +38,15 @@ static mask moved_loops(struct loop *l, wide t, wide *q) {
    from `alive`. */
 static mask attempt_loops(struct loop_lanes *l, mask which, wide next, real least, mask *alive) {
     struct loop *of = &l->of;
-    const long n = of->sizes.n;
-    const struct loop_state now = {l->now, l->now + n, l->now + 2 * n}, past = {l->past, l->past + n, l->past + 2 * n};
-    const wide h = next - l->t, largest = predicted_change(of, h, l->stride, now, past, l->next);
+    const wide h = next - l->t, largest = predicted_change(of, h);
     which &= largest <= LOOP_LONGEST;
-    const mask close = closed_loops(of, which, next, l->next);
+    const mask close = closed_loops(of, which, next, of->next);
     *alive &= ~which | close;
-    which &= close & as_predicted(of, h, largest, now, l->next);
+    which &= close & as_predicted(of, h, largest);
     if (!any(which))
         return which;
-    *alive &= ~which | (moved_loops(of, next, l->next) & (of->soundness > least) & same_branch_of(of));
-    copy_where(which, of->columns, ROWS * of->sizes.solved, of->followed);
-    copy_where(which, l->now, 3 * n, l->past);
-    copy_where(which, l->next, 3 * n, l->now);
-    l->stride = chosen(which, h, l->stride);
+    *alive &= ~which | (moved_loops(of, next, of->next) & (of->soundness > least) & same_branch_of(of));
+    take_next(of, which, h);
     l->t = chosen(which, next, l->t);
     return which;
 }
@@ -81,7 +57,7 @@ static void set_up_lanes(struct loop_lanes *l, ptrdiff_t lead) {
     struct loop *of = &l->of;
     const wide zero = all(0);
     set_up(&of->base);
-    call(of->kernels.inputs, &zero, l->next, l->next, of->p, of->work, of->prescribed);
+    call(of->kernels.inputs, &zero, of->next, of->next, of->p, of->work, of->prescribed);
     l->first = of->prescribed[3 * lead], l->rate = of->prescribed[3 * lead + 1];
 }
 
@@ -90,7 +66,7 @@ static mask time_of(struct loop_lanes *l, const struct loop_lane_task *task, wid
     struct loop *of = &l->of;
     const wide *jet = of->prescribed + 3 * task->lead;
     *t = (value - l->first) / l->rate;
-    call(of->kernels.inputs, t, l->next, l->next, of->p, of->work, of->prescribed);
+    call(of->kernels.inputs, t, of->next, of->next, of->p, of->work, of->prescribed);
     return (l->rate != 0) & (jet[1] == l->rate) & (magnitude(jet[0] - value) <= R(task->close) * larger(all(1), magnitude(value)));
 }
 
@@ -100,11 +76,11 @@ static mask begin_loops(struct loop_lanes *l, const struct loop_lane_task *task)
     struct loop *of = &l->of;
     const long n = of->sizes.n, parameters = of->sizes.parameters;
     mask alive = ~(mask){0};
-    memset(l->next, 0, (size_t)(3 * n + ROWS) * sizeof(wide));
-    memset(l->past, 0, (size_t)(3 * n + ROWS) * sizeof(wide));
+    memset(of->next, 0, (size_t)(3 * n) * sizeof(wide));
+    memset(of->past, 0, (size_t)(3 * n) * sizeof(wide));
     for (long i = 0; i < n; i++)
-        l->now[i] = all(task->start[i]);
-    l->t = l->stride = all(0);
+        of->now[i] = all(task->start[i]);
+    l->t = of->stride = all(0);
     for (ptrdiff_t s = 0; s < task->stage_count; s++) {
         const real part = task->stages[s];
         load(task->parameters, parameters, of->p);
@@ -113,10 +89,10 @@ static mask begin_loops(struct loop_lanes *l, const struct loop_lane_task *task)
         set_up_lanes(l, task->lead);
         if (!task->starts_at_zero)
             alive &= time_of(l, task, all(R(task->begin)), &l->t);
-        copy(l->now, n, l->begun);
-        alive &= closed_loops(of, alive, l->t, l->now) & (of->soundness > R(task->least));
+        copy(of->now, n, of->q);
+        alive &= closed_loops(of, alive, l->t, of->now) & (of->soundness > R(task->least));
         for (long i = 0; i < n; i++)
-            alive &= magnitude(l->now[i] - l->begun[i]) / of->scale[i] <= 1;
+            alive &= magnitude(of->now[i] - of->q[i]) / of->scale[i] <= 1;
         if (!any(alive))
             break;
     }
@@ -145,7 +121,7 @@ static mask clocked(struct loop_lanes *l, const struct loop_lane_task *task) {
 static mask record_loops(struct loop_lanes *l, const struct loop_lane_task *task, mask arrived, int way, const ptrdiff_t *first) {
     struct loop *of = &l->of;
     const long n = of->sizes.n, out_size = of->sizes.out_size;
-    wide *q = l->now, *u = q + n, *a = u + n, *out = of->base.out;
+    wide *q = of->now, *u = q + n, *a = u + n, *out = of->base.out;
     const mask good = forced(of, l->t, q, u, a) & is_finite(largest_in(a, n + ROWS));
     call(of->kernels.outputs, &l->t, q, u, of->p, a, out);
     for (int lane = 0; lane < WIDTH; lane++)
@@ -179,10 +155,10 @@ static mask followed(struct loop_lanes *l, const struct loop_lane_task *task, ma
             longest[lane] = (range > R(task->apart) ? range : R(task->apart)) / R(task->longest);
         }
     }
-    l->stride = all(0);
-    alive &= closed_loops(of, alive, l->t, l->now);
-    alive &= moved_loops(of, l->t, l->now);
-    copy(of->columns, ROWS * of->sizes.solved, of->followed);
+    of->stride = all(0);
+    alive &= closed_loops(of, alive, l->t, of->now);
+    alive &= moved_loops(of, l->t, of->now);
+    keep_columns(of, ~(mask){0});
     mask fresh = alive, arrived = {0};
     for (ptrdiff_t turn = 0; any(alive) && !is_interrupted(turn); turn++) {
         if (any(arrived))
@@ -216,7 +192,8 @@ static mask followed(struct loop_lanes *l, const struct loop_lane_task *task, ma
 }
 
 static void follow_loops(struct loop_lanes *l, const struct loop_lane_task *task) {
-    const long n = l->of.sizes.n;
+    struct loop *of = &l->of;
+    const long n = of->sizes.n;
     ptrdiff_t first[WIDTH], back[WIDTH];
     mask alive = begin_loops(l, task);
     alive &= clocked(l, task);
@@ -227,11 +204,11 @@ static void follow_loops(struct loop_lanes *l, const struct loop_lane_task *task
                 break;
         back[lane] = first[lane] - 1;
     }
-    copy(l->now, n, l->begun);
-    l->begun[n] = l->t;
+    copy(of->now, n, of->q); /* as it is at the start */
+    const wide begun = l->t;
     alive = followed(l, task, alive, -1, back);
-    copy(l->begun, n, l->now);
-    l->t = l->begun[n];
+    copy(of->q, n, of->now);
+    l->t = begun;
     alive = followed(l, task, alive, 1, first);
     for (int lane = 0; lane < WIDTH; lane++)
         task->reached[lane] = alive[lane] ? task->count : 0;
@@ -239,7 +216,7 @@ static void follow_loops(struct loop_lanes *l, const struct loop_lane_task *task
 
 static const struct loop_lanes_api loop_functions = {
     .lanes_struct = sizeof(struct loop_lanes),
-    .bytes = loop_lane_bytes,
+    .bytes = loop_bytes,
     .bind = loop_lane_bind,
     .follow = follow_loops,
 };
