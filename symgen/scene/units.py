@@ -44,7 +44,9 @@ class Dimension(NamedTuple):
 
 
 def _factor(unit: str, exponent: Fraction) -> str:
-    return unit if exponent == 1 else f"{unit}^{exponent}"
+    if exponent == 1:
+        return unit
+    return f"{unit}^{exponent}" if exponent.denominator == 1 else f"{unit}^({exponent})"
 
 
 def dimension(length: int = 0, mass: int = 0, time: int = 0) -> Dimension:
@@ -126,11 +128,14 @@ UNITS = Path(__file__).with_name("units.json")
 _NUMBER = r"[-+]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][-+]?\d++)?+"  # possessive: 1e-3*a is no 1 of a unit e-3*a
 _QUANTITY = re.compile(
     rf"\s*(?P<number>{_NUMBER})(?:\s*/\s*(?P<over>\d++)(?![.eE][-+]?\d))?\s*"
-    r"(?P<unit>(?:1\s*/\s*)?[A-Za-zµ][A-Za-z0-9_µ*/^() +-]*)?\s*",
+    r"(?P<unit>(?:1\s*/\s*)?[A-Za-zµ](?:(?:\^|\*\*)\s*\(?\s*[-+]?\d\.\d|[A-Za-z0-9_µ*/^() +-])*)?\s*",
     re.ASCII,
 )
 _NOT_FINITE = re.compile(r"\s*[-+]?(nan|inf|infinity)\b", re.IGNORECASE)
-_FACTOR = r"[A-Za-zµ_]+(?:\s*(?:\^|\*\*)\s*(?:[-+]?[0-9]|\([-+]?[0-9]\)))?"
+#: Whole powers, halves, thirds and quarters; of these only .5 without brackets.
+_POWER = r"[-+]?[0-9](?:\.5)?|\(\s*[-+]?[0-9](?:\.5|\s*/\s*[234])?\s*\)"
+_FACTOR = rf"[A-Za-zµ_]+(?:\s*(?:\^|\*\*)\s*(?:{_POWER}))?"
+_POWERS = re.compile(rf"([A-Za-zµ_]+)(?:\s*(?:\^|\*\*)\s*({_POWER}))?")
 _PART = rf"(?:{_FACTOR}|\(\s*{_FACTOR}(?:\s*[*/]\s*{_FACTOR})*\s*\))"
 #: What Pint is asked at all: products and quotients of powers up to the ninth, so that no text makes it
 #: compute m^9**9**9 or anything inexact.
@@ -242,22 +247,40 @@ def _known_units() -> dict[str, str]:
 
 
 def read_unit(text: str) -> tuple[Fraction, Dimension]:
-    """Return scale and dimension of a product of units, read by Pint; raise SceneError for unknown ones."""
+    """Return scale and dimension of a product of units, read by Pint; raise SceneError for unknown ones.
+
+    Units in fractional powers are roots of those in whole powers: exact, or to 60 digits where the root of
+    the scale is irrational, as of bar^(1/2).
+    """
     problem, hint = _not_a_unit(text)
     if not _UNIT.fullmatch(text):
         raise SceneError(problem, hint=hint)
     import pint
 
+    powers = [(name, Fraction(re.sub(r"[() ]", "", power) or 1)) for name, power in _POWERS.findall(text)]
+    root = math.lcm(*(power.denominator for _, power in powers))
+    each = iter(powers)
+    whole = _POWERS.sub(lambda _: "{}**({})".format(*((x := next(each))[0], x[1] * root)), text)
     try:
-        quantity = _registry().Quantity(Fraction(1), text.replace("^", "**")).to_root_units()
+        quantity = _registry().Quantity(Fraction(1), whole).to_root_units()
     except pint.UndefinedUnitError as error:
         unknown = [name for name in error.unit_names if name != text]
         raise SceneError(f"{problem}: {', '.join(unknown)}" if unknown else problem, hint=hint) from None
     except Exception as error:  # Pint's parser raises whatever Python's tokenizer does
         raise SceneError(problem, hint=hint) from error
     dims = quantity.dimensionality
-    dim = Dimension(*(Fraction(dims.get(d, 0)) for d in ("[length]", "[mass]", "[time]")))
-    return Fraction(quantity.magnitude), dim
+    dim = Dimension(*(Fraction(dims.get(d, 0)) / root for d in ("[length]", "[mass]", "[time]")))
+    return _root(Fraction(quantity.magnitude), root), dim
+
+
+def _root(value: Fraction, degree: int) -> Fraction:
+    """Return the root of a number above zero, exact where it is rational, else to 60 digits."""
+    if degree == 1:
+        return value
+    from sympy import integer_nthroot  # here, since most scenes have no such unit
+
+    n, d, digits = value.numerator, value.denominator, 10**60
+    return Fraction(int(integer_nthroot(n * d ** (degree - 1) * digits**degree, degree)[0]), d * digits)
 
 
 def units() -> list[tuple[str, Fraction, Dimension]]:
@@ -274,7 +297,7 @@ def units() -> list[tuple[str, Fraction, Dimension]]:
 def _not_a_unit(text: str) -> tuple[str, str]:
     return (
         f"{text!r} is not a unit that symgen knows",
-        'Write a product of known units, such as "kg*m^2" or "lbf/in": "symgen units" lists them.',
+        'Write a product of known units, such as "kg*m^2" or "l/(min*bar^(1/2))": "symgen units" lists them.',
     )
 
 
