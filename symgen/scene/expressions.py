@@ -163,6 +163,10 @@ _WITH_UNIT = re.compile(r"(?<![\w.])[0-9.]+\s+[A-Za-zµ]")
 _FOLLOWING = re.compile(
     r".+\.(force|reaction|tension|torque|couple|acceleration|angular_acceleration)(\.[xyz])?"
 )
+#: Names of outputs of a load, which have its number, and others that no expression may use.
+_OF_LOAD = re.compile(r"\b[A-Za-z_]\w*\.\d+\.[A-Za-z_]\w*")
+_OUTPUT = re.compile(r"(?!this\.).+\.(length(_rate)?|power|relative_angle|speed_ratio|\w+_(energy|moment))")
+_MOTION = (".x", ".vx", ".angle", ".rate")
 #: Parts of names of outputs, and those of the variables of loads in their place.
 _MEASURED = {".position.": ".", ".velocity.": ".v", ".angular_velocity": ".rate"}
 
@@ -187,6 +191,8 @@ class _Reader:
         try:
             tree = ast.parse(self.text.strip(), mode="eval")
         except (SyntaxError, ValueError, RecursionError, MemoryError):
+            if of_load := _OF_LOAD.search(self.text):
+                raise self.output(of_load[0]) from None
             if _WITH_UNIT.search(self.text):
                 raise SceneError(f"expressions contain no units, got {self.shown}", hint=UNITLESS) from None
             raise SceneError(
@@ -245,9 +251,7 @@ class _Reader:
                 return -inner, dim
             case ast.UnaryOp(op=ast.UAdd(), operand=operand):
                 return self.node(operand, depth)
-            case ast.Call(
-                func=ast.Attribute(value=ast.Name(id="profile"), attr=name), args=args, keywords=[]
-            ):
+            case ast.Call(ast.Attribute(ast.Name("profile"), name), args, []):
                 return self.profile(name, [self.node(a, depth) for a in args])
             case ast.Call(func=ast.Name(id=name), args=args, keywords=[]):
                 known = name in FUNCTIONS or f"{name}()" in self.names
@@ -288,6 +292,8 @@ class _Reader:
                     hint="Take a typical force as a parameter, as in a couple mu*radius*load of friction "
                     "in a joint, or compute the load in a function around model.rhs.",
                 )
+            if alike and _OUTPUT.fullmatch(name):
+                raise self.output(name)
             measured = name
             for output, variable in _MEASURED.items():
                 measured = measured.replace(output, variable)
@@ -297,6 +303,17 @@ class _Reader:
         if isinstance(value, OfTime) and (value.value is None or "t" not in self.names):
             raise self.refuse(f"uses {name}, an expression of the time t, where a constant is expected")
         return cast("Value", value[:2])
+
+    def output(self, name: str) -> SceneError:
+        """Return the error of an expression with the name of an output; its remedy: names of the motion."""
+        motion = [n for end in _MOTION for n in [m for m in self.names if m.endswith(end)][:1]]
+        if not motion:
+            return self.refuse(f"may not use {name}, an output")
+        return SceneError(
+            f"{self.shown} uses {name!r}, an output, which no expression may use",
+            hint=f"Of the motion it may use names such as {', '.join(motion)}; a length is "
+            "sqrt((A.x - B.x)**2 + (A.y - B.y)**2) of two points A and B.",
+        )
 
     def power(self, base: Value, exponent: Value) -> Value:
         (a, da), (b, db) = base, exponent

@@ -51,6 +51,22 @@ def test_units_in_expressions(text):
     assert refused.value.where == "links.rod.length"
 
 
+@pytest.mark.parametrize("output", ["springs.0.rate", "springs.0.length", "rod.power", "rod.kinetic_energy"])
+def test_outputs_in_rates_of_states_and_in_loads(output):
+    """Expressions name what they may use of the motion: the names of this scene."""
+    spring = {"between": ["O", "P"], "stiffness": "1 N/m", "length": "1 m"}
+    state = {"start": "0 m", "rate": f"2*{output}"}
+    torque = {"link": "rod", "torque": f"2*{output}"}
+    of_state, of_load = pendulum(states={"x": state}, springs=[spring]), pendulum(torques=[torque])
+    for scene, where in ((of_state, "states.x.rate"), (of_load, "torques.0.torque")):
+        with pytest.raises(SceneError, match=f"uses '{output}', an output") as refused:
+            build(scene)
+        assert refused.value.where == where
+        assert "O.x, O.vx, rod.angle, " in refused.value.hint
+    with pytest.raises(SceneError, match="may not use"):
+        build(pendulum(parameters={"a": f"2*{output}"}))
+
+
 @pytest.mark.parametrize("text", ["1 mm*foo", "3 N-m", "2 kg m"])
 def test_a_mistyped_unit_is_no_expression(text):
     with pytest.raises(SceneError, match="is not a unit that symgen knows"):
