@@ -34,13 +34,21 @@ def table_at(file: str | os.PathLike[str] | None, keep: Keep) -> Path | None:
 
 
 def write_table(runs: xarray.Dataset, path: Path) -> None:
-    """Write runs with all digits in columns ``NAME [UNIT]``: parameters, outputs, the error."""
+    """Write runs with all digits in columns ``NAME [UNIT]``: parameters, outputs, the error.
+
+    Texts of several lines, such as notes, have "; " between these, so that each run is one line of the file.
+    """
     text = io.StringIO()
     names, columns = zip(*_columns(runs), strict=True)
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(names)
-    writer.writerows(zip(*(column.tolist() for column in columns), strict=True))
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    writer.writerows([_in_one_line(x) if isinstance(x, str) else x for x in row] for row in rows)
     write_text(path, text.getvalue())
+
+
+def _in_one_line(text: str) -> str:
+    return "; ".join(line.strip() for line in text.splitlines())
 
 
 def _columns(runs: xarray.Dataset) -> Iterator[tuple[str, Any]]:

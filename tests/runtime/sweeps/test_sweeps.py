@@ -291,7 +291,9 @@ def test_runs_beyond_linear_theory_say_so(analysis, tmp_path):
     assert said in printed.file.getvalue() and said in study.notes
     model.sweep({"speed": speeds}, analysis, outputs=["rod.stress"], file=tmp_path / "runs.csv")
     with (tmp_path / "runs.csv").open(newline="") as stream:
-        assert [row["notes"] for row in csv.DictReader(stream)] == [good, beyond]
+        notes = [row["notes"] for row in csv.DictReader(stream)]
+    assert notes == [text.replace("\n", "; ") for text in (good, beyond)] and "\n" in beyond
+    assert len((tmp_path / "runs.csv").read_text().splitlines()) == 3  # the names, and a line per run
 
 
 def test_a_table_has_a_row_per_run_and_is_read_again(model, tmp_path):
