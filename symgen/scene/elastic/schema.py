@@ -30,7 +30,10 @@ class SectionTable(Table):
 class Damping(Table):
     """Damping of the bending and stretching of a link, relative to its own axes."""
 
-    ratio: Value | None = absent("Of the critical damping of each of its modes.")
+    ratio: Value | None = absent(
+        "Of the critical damping of each mode of the link alone, with free ends; modes of the linkage have "
+        "lower ratios: [modal_damping] prescribes these."
+    )
     mass: Value | None = absent("Times its mass matrix [1/s].")
     stiffness: Value | None = absent("Times its stiffness matrix [s].")
 
