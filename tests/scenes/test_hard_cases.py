@@ -271,7 +271,7 @@ def test_every_passage_is_found_from_any_start(angle, rate, end, rtol):
     count = int((rate * end - angle) // np.pi) + 1
     for method in ("taylor", "dop853"):
         notes = symgen.build(symgen.Scene(**data)).simulate(end, samples=2, method=method, rtol=rtol).notes
-        assert notes[0].startswith(f"passed {count} losses of rank")
+        assert any(note.startswith(f"passed {count} losses of rank") for note in notes)
 
 
 @pytest.mark.parametrize(

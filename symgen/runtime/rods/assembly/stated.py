@@ -1,4 +1,4 @@
-"""Values of coordinates that a user-defined system states for its start: held, or moved with a note."""
+"""Starts beside their scene: stated values of a user-defined system are held; notes on what had to move."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from symgen.runtime._start import size_of_points
 from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.evaluate import Evaluator
 from symgen.runtime.newton import corrected
+from symgen.runtime.result.records import converters, with_unit
 
 #: Steps of the path from the values as stated to the constraints, and corrections of each.
 _STEPS, _CORRECTIONS = 16, 12
@@ -16,6 +18,8 @@ _STEPS, _CORRECTIONS = 16, 12
 _DEPENDENT = 1e-9
 #: Relative change of a value that is not rounding.
 _MOVED = 1e-9
+#: Distance of a point from the drawing, over the size of the linkage, of which a note informs.
+_OFF = 0.01
 
 
 def held(evaluator: Evaluator, drawn: Array) -> Array | None:
@@ -53,10 +57,35 @@ def _led(evaluator: Evaluator, q: Array, others: list[int], fraction: float) -> 
 
 
 def moved(evaluator: Evaluator, q: Array) -> Iterator[str]:
-    """Yield the note on stated values that the constraints change at the start q."""
-    d = evaluator.description
-    if not d.given:
+    """Yield the note on a start q that is not as the scene states or draws it."""
+    if evaluator.description.given:
+        yield from _moved_values(evaluator, q)
+    elif evaluator.description.drawn and evaluator.has("assembly"):
+        yield from _moved_points(evaluator, q)
+
+
+def _moved_points(evaluator: Evaluator, q: Array) -> Iterator[str]:
+    """Yield the note on points that lengths and drives move off the drawing; start angles may do so."""
+    d, info, still = evaluator.description, evaluator.info("assembly"), np.zeros(len(q))
+    rows = (row.split(" ") for row in info.blocks[0].rows)
+    if any(words[-1] == "angle" and f"{words[0]}_drive" not in d.constraints for words in rows):
         return
+    drawn, start = (
+        evaluator.blocks("points", 0.0, x, still)["positions"][: d.drawn]
+        for x in (evaluator("drawn", 0.0, still, still), q)
+    )
+    distances = np.linalg.norm(start - drawn, axis=1)
+    farthest = int(np.argmax(distances))
+    if distances[farthest] > _OFF * float(size_of_points(drawn)):
+        unit, size = converters(d.units).get("m", ("m", 1.0))
+        yield (
+            f"the start is not as drawn: lengths or drives at t = 0 move {d.points[farthest]} the farthest, "
+            f"by {with_unit(float(distances[farthest]) / size, unit)}"
+        )
+
+
+def _moved_values(evaluator: Evaluator, q: Array) -> Iterator[str]:
+    d = evaluator.description
     zero = np.zeros(len(q))
     of = dict(zip(d.free, zip(evaluator("drawn", 0.0, zero, zero), q, strict=True), strict=True))
     changes = {x: (a, b) for x in d.given for a, b in [of[x]] if abs(b - a) > _MOVED * max(1, abs(a), abs(b))}

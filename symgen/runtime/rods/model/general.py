@@ -15,9 +15,7 @@ from symgen.runtime.arrays import Array
 from symgen.runtime.kernels.arguments import real
 from symgen.runtime.model.arguments import LinkageDerivatives, takes
 from symgen.runtime.result.state import State, in_order
-from symgen.runtime.rods.assembly.stated import moved
 from symgen.runtime.rods.model.rods import RodModel
-from symgen.runtime.rods.start import Start
 
 if TYPE_CHECKING:
     from symgen.runtime.linearisation.record import Sensitivity
@@ -76,11 +74,6 @@ class GeneralModel(RodModel):
 
         q = numbers(positions, self._stored_start().q)
         return self._state(t, q, numbers(velocities or {}, np.zeros(len(names))))
-
-    def _begun(self) -> Start:
-        begun = super()._begun()
-        self._note(moved(self.evaluator, begun.q))
-        return begun
 
     def _coordinates(self, y: State | ArrayLike, t: ArrayLike = 0.0) -> dict[str, Any]:
         return in_order(self.description.free, y, t)

@@ -23,6 +23,7 @@ from symgen.runtime.kernels.library import Library
 from symgen.runtime.model.arguments import LinkageMotion, takes
 from symgen.runtime.model.model import Model
 from symgen.runtime.result.state import AssemblyModes, State, by_name, coordinates, parts_of, state_at
+from symgen.runtime.rods.assembly.stated import moved
 from symgen.runtime.rods.start import Start
 
 if TYPE_CHECKING:
@@ -82,6 +83,9 @@ class LinkageModel(Model):
             d = self.description
             if self.is_changed or not d.start:
                 self._start = self._begun()
+                notes = tuple(moved(self.evaluator, self._start.q))
+                if notes != d.start_remarks:
+                    self._note(notes)
             else:
                 q, u = np.split(np.array(d.start), 2)
                 self._start = Start(q, u, d.redundant, d.rank_tolerance)
