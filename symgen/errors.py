@@ -302,6 +302,7 @@ def nearest(name: str, known: Iterable[str], otherwise: str = "") -> str:
     alike = [w for w in words if w[:1] == name[:1] or folded in w.casefold()]
     close = close or get_close_matches(name, alike, n=1, cutoff=0.6)
     close = close or [w for w in words if w.casefold().startswith(folded)]
+    close = close or [w for w in words if folded.endswith(f".{w.casefold()}")]
     if close:
         return f"Did you mean {close[0]!r}?"
     if otherwise:

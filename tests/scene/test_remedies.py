@@ -202,3 +202,8 @@ def test_a_mistyped_file(tmp_path, monkeypatch, name):
         assert "four_bar" not in str(refused.value)
     with pytest.raises(SceneError, match="Did you mean 'four_bar'"):
         symgen.build("four_bra")
+
+
+def test_a_quantity_of_the_whole_mechanism_has_no_prefix():
+    with pytest.raises(SceneError, match="Did you mean 'shaking_force'"):
+        build(pendulum(analysis={"outputs": ["mechanism.shaking_force"]}))

@@ -391,7 +391,7 @@ def _entries(model: RodsModel, name: str) -> Entries:
     joints = {"force": links, "guide_force": guided(model) if rigid else {}}
     if point in joints.get(word, {}).get(link, ()):
         return OF_JOINTS[word](model, link, point)
-    known = [f"{p}.{w}" for p in model.points for w in OF_POINTS]
+    known = [*OF_THE_WHOLE, *(f"{p}.{w}" for p in model.points for w in OF_POINTS)]
     known += [f"{k}.{w}" for k in links for w in OF_LINKS]
     known += [f"{k}.{p}.force" for k, points in links.items() if k not in model.idle for p in points]
     known += [f"{k}.{p}.guide_force" for k, points in joints["guide_force"].items() for p in points]
