@@ -50,7 +50,7 @@ _LONGEST, _DEEPEST = 2000, 60
 _LARGEST_POWER, _LARGEST_SYMBOLIC_POWER = 64, 16  # SymPy may expand what holds symbols
 _SIMPLE, _DIGITS = 8, 60  # operations that a number keeps, and its digits where it has more
 _LARGEST_NUMBER = 1024  # bits: the range of a double
-_LARGEST_EXPONENT = 700  # exp(709.8) overflows a double
+_LARGEST_EXPONENT, _EXPONENTIALS = 700, ("exp", "sinh", "cosh")  # exp(709.8) overflows a double
 _HERTZ = re.compile(r"Hz\b|hertz\b")
 _TONNES = re.compile(r".*[A-Za-z0-9)]\s*\*\s*t\s*", re.ASCII | re.DOTALL)
 _SHOWN = 80  # characters of an expression in a message
@@ -372,7 +372,7 @@ class _Reader:
         values = [self.finite(argument) for argument, _ in arguments]
         for argument in values:
             number = _approximate(argument)
-            if number is not None and abs(number) > _LARGEST_EXPONENT:
+            if name in _EXPONENTIALS and number is not None and abs(number) > _LARGEST_EXPONENT:
                 raise self.refuse(f"gives {name} a number above {_LARGEST_EXPONENT}")
         return self.finite(function(*values)), result
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 
 import pytest
@@ -102,6 +103,12 @@ def test_expressions(text, expected):
     assert parse_any(text, NAMES)[0] == expected
 
 
+@pytest.mark.parametrize("name", ["sin", "cos", "tan", "atan", "tanh", "log", "sqrt"])
+def test_functions_of_large_constants(name):
+    found = float(parse_any(f"{name}(95000)", {})[0])
+    assert math.isclose(found, getattr(math, name)(95000), rel_tol=1e-14)
+
+
 def test_every_function_is_readable():
     for name, (function, count) in FUNCTIONS.items():
         text = f"{name}({', '.join(['0.5'] * count)})"
@@ -129,6 +136,7 @@ def test_every_function_is_readable():
         ("9**9**9", "at most"),
         ("((9**64)**64)**64", "too large"),
         ("exp(1e9)", "above 700"),
+        ("cosh(-701)", "above 700"),
         ("sqrt(-1)", "finite real"),
         ("log(0)", "finite real"),
         ("asin(2)", "finite real"),
