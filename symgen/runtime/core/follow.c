@@ -42,7 +42,7 @@ static int leads(struct loop *l, real t, real next, real longest) {
         real *at;
         long count;
     } parts[] = {{l->now, 3 * n}, {l->next, n}, {l->past, 3 * n}, {l->followed, ROWS * n}};
-    const real stride = l->stride;
+    const real stride = l->stride, side = l->side;
     const size_t count = sizeof parts / sizeof *parts;
     real *kept = l->scout;
     for (size_t i = 0; i < count; kept += parts[i++].count)
@@ -52,7 +52,7 @@ static int leads(struct loop *l, real t, real next, real longest) {
     kept = l->scout;
     for (size_t i = 0; i < count; kept += parts[i++].count)
         memcpy(parts[i].at, kept, (size_t)parts[i].count * sizeof(real));
-    l->stride = stride;
+    l->stride = stride, l->side = side;
     return led;
 }
 

@@ -78,6 +78,7 @@ struct loop {
     wide stride;              /* time since the state before [s]; 0: there is none */
     wide *columns, *followed; /* the scaled screws of the solved variables, six numbers for each: evaluated last, and
                                  at the last followed state */
+    wide side;                /* the sign of the determinant of `followed`, of six screws */
     real *scout;   /* a followed state, kept while steps ahead are tried */
     real *usual;   /* q in the table's own angles, at the last accepted state */
 };

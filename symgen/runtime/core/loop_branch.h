@@ -42,14 +42,16 @@ static mask as_predicted(const struct loop *l, wide h, wide largest) {
 }
 
 /* Lanes in which the pose evaluated last is on the assembly branch of the last followed state: the screws of a branch
-   have determinants of one sign. For fewer than six screws A and B this is the sign of that of A^T B. A determinant of
-   zero has no sign. */
+   have determinants of one sign. For fewer than six screws A and B this is the sign of that of A^T B; for six the
+   factors have it. A determinant of zero has no sign. */
 static mask same_branch_of(const struct loop *l) {
     const long rank = l->sizes.solved;
     wide product[ROWS * ROWS];
     mask swaps[ROWS], opposite = {0};
     if (rank > ROWS || rank != l->sizes.rank)
         return ~opposite;
+    if (rank == ROWS)
+        return l->factor.sign * l->side > 0;
     for (long i = 0; i < rank; i++)
         for (long j = 0; j < rank; j++)
             product[rank * i + j] = qr_dot(l->followed + ROWS * i, l->columns + ROWS * j);
@@ -64,6 +66,7 @@ static mask same_branch_of(const struct loop *l) {
 /* Keep the screws evaluated last as those of the last followed state. */
 static void keep_columns(struct loop *l, mask which) {
     copy_where(which, l->columns, ROWS * l->sizes.solved, l->followed);
+    l->side = chosen(which, l->factor.sign, l->side);
 }
 
 /* Make the next state, after a step h, that of now in some lanes. */

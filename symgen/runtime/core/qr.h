@@ -22,6 +22,7 @@ struct qr {
     wide vectors[ROWS * ROWS];
     wide beta[ROWS];
     mask order[MOST];
+    wide sign; /* of the determinant of as many columns as rows: 1, -1, or 0 */
     ptrdiff_t columns, steps;
 };
 
@@ -34,6 +35,7 @@ static inline wide qr_dot(const wide *a, const wide *b) {
 static inline void qr_factorise(wide *a, ptrdiff_t columns, struct qr *f) {
     f->columns = columns;
     f->steps = columns < ROWS ? columns : ROWS;
+    f->sign = all(1);
     for (ptrdiff_t j = 0; j < columns; j++)
         f->order[j] = (mask){0} + j;
     for (ptrdiff_t k = 0; k < f->steps; k++) {
@@ -58,6 +60,9 @@ static inline void qr_factorise(wide *a, ptrdiff_t columns, struct qr *f) {
             v[i] = a[ROWS * k + i] * factor;
         v[k] = all(1);
         f->beta[k] = chosen(zero, all(0), -total / norm);
+        /* A reflection and an exchange change the sign each. */
+        f->sign = chosen((norm > 0) ^ (best != k), -f->sign, f->sign);
+        f->sign = chosen(zero, all(0), f->sign);
         for (ptrdiff_t j = k + 1; j < columns; j++) {
             const wide part = f->beta[k] * qr_dot(v, a + ROWS * j);
             for (int i = 0; i < ROWS; i++)
