@@ -371,8 +371,8 @@ class _Reader:
             result = NUMBER
         values = [self.finite(argument) for argument, _ in arguments]
         for argument in values:
-            number = _approximate(argument)
-            if name in _EXPONENTIALS and number is not None and abs(number) > _LARGEST_EXPONENT:
+            number = _approximate(argument) if name in _EXPONENTIALS else None
+            if number is not None and (number if name == "exp" else abs(number)) > _LARGEST_EXPONENT:
                 raise self.refuse(f"gives {name} a number above {_LARGEST_EXPONENT}")
         return self.finite(function(*values)), result
 

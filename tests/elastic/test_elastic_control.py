@@ -358,3 +358,49 @@ def test_what_steppers_and_controllers_of_elastic_links_lack(model):
         model.simulate(0.1, controller=lambda t, v: {"U": 1.0}, sample=0.01)
     with pytest.raises(ModelError, match="checkpoint"):
         model.simulate(0.1, controller=law, sample=0.01, checkpoint="run.npz")
+
+
+# -- what is refused, and what is not ------------------------------------------------------------------------------
+
+
+def rooted():
+    """Return the arm with a torque that is no number where the input is negative."""
+    return built(steered(law="sqrt(T/unit)*unit", parameters={"unit": "1 N*m"}))
+
+
+def test_an_input_without_a_finite_load_changes_nothing():
+    stepper = rooted().stepper(elements=1, step=1e-3)
+    stepper.set(T=0.1)
+    stepper.step(1e-3)
+    twin = stepper.copy()
+    with pytest.raises(SimulationError, match="not a finite number at t = 0.001 s"):
+        stepper.set(T=-1.0)
+    assert stepper.parameters["T"] == 0.1
+    stepper.step(1e-3), twin.step(1e-3)
+    assert np.array_equal(stepper.y, twin.y)
+
+
+def test_the_samples_before_an_input_without_a_finite_load_are_kept():
+    with pytest.raises(SimulationError, match="not a finite number") as failed:
+        rooted().simulate(
+            0.02, controller=lambda t, view: {"T": -1.0 if t > 0.005 else 0.1}, sample=0.01, samples=5
+        )
+    partial = failed.value.partial
+    assert np.isfinite(partial["tip.position"].values).all()
+    assert partial.time[-1] == 0.01
+
+
+def test_a_state_off_its_constraints_is_refused():
+    stepper = in_space(1).stepper(step=1e-3)
+    state = stepper.state
+    moved = state.q.copy()
+    moved[1] += 0.05
+    with pytest.raises(ModelError, match="violates constraints by 0.0"):
+        stepper.reset(replace(state, q=moved))
+
+
+def test_steps_shorter_than_any_division_are_compared_once(model):
+    short = model.stepper(elements=1, rtol=1e-6)
+    short.step(2e-4)
+    run = model.simulate(2e-4, controller=lambda t, view: {}, sample=2e-4, max_step=1e-8, samples=2)
+    assert np.allclose(run["tip.position"].values[-1], short["tip.position"], rtol=0, atol=1e-9)

@@ -109,6 +109,11 @@ def test_functions_of_large_constants(name):
     assert math.isclose(found, getattr(math, name)(95000), rel_tol=1e-14)
 
 
+def test_a_vanishing_exponential():
+    assert float(parse_any("exp(-800)", {})[0]) == 0.0
+    assert math.isclose(float(parse_any("exp(-600)", {})[0]), math.exp(-600), rel_tol=1e-14)
+
+
 def test_every_function_is_readable():
     for name, (function, count) in FUNCTIONS.items():
         text = f"{name}({', '.join(['0.5'] * count)})"

@@ -1,19 +1,18 @@
-"""Control loops with elastic links in large rotation, in the plane and in space."""
+"""Steppers of elastic links in large rotation, in the plane and in space."""
 
 from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from time import perf_counter
 from typing import Any, Self
 
 import numpy as np
 
 from symgen.calls import raise_failure
-from symgen.errors import ModelError, OptionsError
+from symgen.errors import ModelError, OptionsError, SimulationError
 from symgen.runtime import _core
 from symgen.runtime._constrained import SystemMotion
 from symgen.runtime.arrays import Array
@@ -25,21 +24,16 @@ from symgen.runtime.elastic.large.collocation import (
     integrator_of_systems,
     settled,
 )
-from symgen.runtime.elastic.large.passes import LargeMotion, constraint_drift, events_of, result_of
-from symgen.runtime.integrate.controlled import controlled
+from symgen.runtime.elastic.large.passes import LargeMotion, constraint_drift, events_of
 from symgen.runtime.integrate.options import Options
 from symgen.runtime.integrate.pace import OUT_OF_TIME, out_of_time
 from symgen.runtime.integrate.simulate import effects_of
 from symgen.runtime.integrate.stepper import Stepper
 from symgen.runtime.kernels.arguments import is_real, out_of_range
 from symgen.runtime.kernels.description import BlockInfo
-from symgen.runtime.model.arguments import RunArguments
-from symgen.runtime.model.elastic_arguments import ElasticRun, RunInSpace, SystemStepping
-from symgen.runtime.result.elastic import ElasticResult
-from symgen.runtime.result.recording import notes_on_events
+from symgen.runtime.model.elastic_arguments import SystemStepping
 from symgen.runtime.result.records import LocatedEvent, Variable
 from symgen.runtime.result.state import State, finite
-from symgen.runtime.rods.following.jumps import check_rigid_motion
 
 #: Error of places over their sizes in an advance, if none is given.
 RTOL = 1e-6
@@ -49,7 +43,9 @@ _SPAN = 1e-3
 _AIM = 0.1
 #: Part of the number of steps that is rounding.
 _ROUNDING = 1e-9
-#: The most steps of an advance.
+#: Error of constraints of a given state over the largest size of a place.
+_APART = 1e-8
+#: The most steps of an advance, of which one comparison more is made.
 _MOST = 2**14
 
 
@@ -90,7 +86,7 @@ class DividedRun:
             return self._in(count, end)
         count, saved, places = max(count, self._count), self._saved(), self._system.unknowns
         status, before = self._in(count, end), run.state
-        while count < _MOST:
+        while True:
             failed, count = status not in (_core.DONE, _core.ENDED), 2 * count
             self._restore(*saved)
             status, after = self._in(count, end), run.state
@@ -100,7 +96,8 @@ class DividedRun:
                 self._count = max(1, math.ceil(count / 2 * aim))
                 return status
             before = after
-        return _core.STEP_TOO_SMALL if status in (_core.DONE, _core.ENDED) else status
+            if count >= _MOST:
+                return _core.STEP_TOO_SMALL if status in (_core.DONE, _core.ENDED) else status
 
     def _in(self, count: int, end: float) -> int:
         """Advance to a time [s] in a number of steps; return the status."""
@@ -207,7 +204,13 @@ class SystemStepper(Stepper):
                 "  Use stepper.copy() to continue from a state, and reset() to return to the start."
             )
         t, _ = finite(state)
-        return replace(start, t=t, q=state.q, v=state.u)
+        there = replace(start, t=t, q=state.q, v=state.u)
+        apart = constraint_drift(self.of.system, [there]).constraint
+        if apart > _APART * float(np.max(self.of.system.scale)):
+            raise ModelError(
+                f"expected a state of a stepper of {name}, got one that violates constraints by {apart:.2g} m"
+            )
+        return there
 
     def _independent(self) -> tuple[str, ...]:
         inputs: tuple[str, ...] = self._model.description.inputs
@@ -223,10 +226,22 @@ class SystemStepper(Stepper):
         after = self._values.copy()
         for name, value in values.items():
             after[self._signals[name]] = value
-        if np.array_equal(after, self._values):
+        before = self._values
+        if np.array_equal(after, before):
             return
         self._take(after)
+        if not self._has_finite_forces():
+            cause = self._cause(_core.NOT_FINITE)
+            self._take(before)
+            raise SimulationError(cause, time=self.t)
         self._run.restart(False)
+
+    def _has_finite_forces(self) -> bool:
+        """Return whether all forces are numbers at the present state."""
+        system, n, y = self.of.system, self._equations.n, self._run.state
+        t, still, none = np.array([self.t]), np.zeros((1, n)), np.zeros((1, system.multipliers))
+        at = (t, y[None, :n], y[None, n : 2 * n], still, none, *system.prescribed(t))
+        return bool(np.isfinite(system.core.forces(*at)).all())
 
     def _take(self, values: Array) -> None:
         """Take values of the tunable parameters, of which inputs alone may differ."""
@@ -284,9 +299,14 @@ class SystemStepper(Stepper):
                 f"{self._model.name}: the error of places does not reach rtol = {self._rtol:g} in steps of "
                 f"{length:.3g} s at t = {self.t:.9g} s\n  Give a larger rtol, or fixed steps."
             )
+        if not self._has_finite_forces():
+            return f"{self._model.name}: a load or a rate is not a finite number at t = {self.t:.9g} s"
+        remedy = "Give shorter steps, or rtol without a step."
+        if self._rtol is not None:
+            remedy = "Shorter steps do not help: a load or a rate may jump there, or be no number behind it."
         return (
             f"{self._model.name}: Newton's method does not converge in a step of {length:.3g} s "
-            f"at t = {self.t:.9g} s\n  Give shorter steps, or rtol without a step."
+            f"at t = {self.t:.9g} s\n  {remedy}"
         )
 
 
@@ -306,72 +326,14 @@ def stepper(model: Any, request: SystemStepping, motion: Callable[[], LargeMotio
     """Return a motion that advances by calls; raise ModelError for options out of range."""
     if request.rtol is not None and request.step is not None:
         raise OptionsError("fixed steps have no tolerance: give {step}, or {rtol}, not both")
-    rtol, longest = _limits(request.rtol, "step", request.step)
+    rtol, longest = limits_of(request.rtol, "step", request.step)
     options, checked = stepper_options(1.0), rtol if request.step is None else None
     return SystemStepper(model, options, request.state, motion=motion, rtol=checked, longest=longest)
 
 
-def _limits(rtol: float | None, name: str, longest: float | None) -> tuple[float, float]:
+def limits_of(rtol: float | None, name: str, longest: float | None) -> tuple[float, float]:
     """Return the tolerance and the longest step [s], of this ``name``; raise ModelError out of range."""
     for what, value in (("rtol", rtol), (name, longest)):
         if value is not None and not (is_real(value) and value > 0.0):
             raise out_of_range(what, value)
     return RTOL if rtol is None else float(rtol), math.inf if longest is None else float(longest)
-
-
-def controlled_run(
-    model: Any, request: ElasticRun | RunInSpace, motion: Callable[[], LargeMotion], end: float
-) -> ElasticResult:
-    """Run to a time [s] with a controller at a sampling interval and return the result.
-
-    Raises
-    ------
-    ModelError
-        For a controller without a sampling interval, and as :func:`.controlled`.
-    SimulationError
-        When the run cannot continue, or its controller fails; with the recorded samples.
-    """
-    begun, samples = perf_counter(), 361 if request.samples is None else request.samples
-    rtol, longest = _limits(request.rtol, "max_step", request.max_step)
-    if request.sample is None:
-        raise ModelError(
-            "expected sample, the time between two calls of the controller [s], got none\n"
-            "  A continuous law of elastic links is part of their scene: expressions in loads, and [states]."
-        )
-    make = partial(SystemStepper, motion=motion, rtol=rtol, longest=longest)
-    arguments = RunArguments(controller=request.controller, sample=request.sample)
-    if isinstance(request, ElasticRun):
-        arguments = replace(arguments, checkpoint=request.checkpoint, resume=request.resume)
-    stepper, control = controlled(model, make, arguments, stepper_options(end, samples))
-    check_rigid_motion(stepper.of.rigid, 0.0, end)
-    status, _ = control.run(request.progress)
-    run, of = stepper._run, stepper.of
-    moments, parts = list[MotionState](), list[tuple[Variable, ...]]()
-    for rows, values in _alike(control.held(run)):
-        stepper._take(values)
-        some = []
-        for k in rows:
-            of.system.recall(float(run.sampled[k]))
-            some.append(stepper.moment(float(run.sampled[k]), run.result[k], first=k == 0))
-        parts.append(of.selected(of.outputs(of.system, some)))
-        moments += some
-    variables = [
-        replace(of_each[0], values=np.concatenate([v.values for v in of_each]))
-        for of_each in zip(*parts, strict=True)
-    ]
-    statistics = {"steps": run.steps, "corrections": stepper._equations.evaluations}
-    statistics |= {"error": None, "power_balance": None}
-    drift = constraint_drift(of.system, moments)
-    events = events_of(of.rigid, stepper._equations.n, run.events)
-    notes = [control.note, *notes_on_events(of.rigid.evaluator, run)]
-    result = result_of(of, run.sampled.copy(), variables, notes, drift, events, statistics, rtol, begun)
-    result._cache["controls"] = control
-    control.finished(result, status)
-    return result
-
-
-def _alike(held: Array) -> Iterator[tuple[range, Array]]:
-    """Yield the numbers of successive samples with the same parameters, and these."""
-    ends = [*(np.flatnonzero(np.any(np.diff(held, axis=0), axis=1)) + 1).tolist(), len(held)]
-    for begin, end in zip([0, *ends], ends, strict=False):
-        yield range(begin, end), held[begin]

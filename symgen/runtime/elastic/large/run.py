@@ -13,7 +13,8 @@ from symgen.errors import ModelError, OptionsError
 from symgen.runtime.arrays import Array
 from symgen.runtime.beams.energies import Energies
 from symgen.runtime.beams.forces import joint_force, torque
-from symgen.runtime.elastic.control.stepper import SystemStepper, controlled_run, stepper
+from symgen.runtime.elastic.control.run import controlled_run
+from symgen.runtime.elastic.control.stepper import SystemStepper, stepper
 from symgen.runtime.elastic.large.collocation import MotionState, stacked
 from symgen.runtime.elastic.large.linkage import LargeLinkage
 from symgen.runtime.elastic.large.passes import LargeMotion, refined_run

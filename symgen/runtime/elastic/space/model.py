@@ -10,7 +10,8 @@ import numpy as np
 
 from symgen.calls import checked
 from symgen.errors import ModelError, SimulationError
-from symgen.runtime.elastic.control.stepper import SystemStepper, controlled_run, stepper
+from symgen.runtime.elastic.control.run import controlled_run
+from symgen.runtime.elastic.control.stepper import SystemStepper, stepper
 from symgen.runtime.elastic.large.collocation import MotionState, stacked
 from symgen.runtime.elastic.large.passes import LargeMotion, refined_run
 from symgen.runtime.elastic.model import ModelOfRigid
