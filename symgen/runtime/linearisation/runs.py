@@ -176,19 +176,27 @@ def of_run(
     """Return the derivatives along the path of a run with options; next to losses of rank with a note.
 
     There rounding errors of a pose grow by 1/s, of accelerations by 1/s^3 and of their slopes by 1/s^4, with
-    the sine s of the least angle between constraints at a stage. The note has what other steps change.
+    the sine s of the least angle between constraints at a stage. The note has what other steps change,
+    or that the digits are unknown, where the run fails with other steps.
     """
     along = path(chosen)
     found = derivatives(along)
     if not along.passages:
         return found
     others = replace(chosen, rtol=4 * chosen.rtol, atol=4 * chosen.atol, step=chosen.step / 2)
-    changes = np.abs(derivatives(path(others)).derivatives - found.derivatives)
+    note = (
+        f"the constraints lose rank at t = {along.passages[0]:.9g} s, next to which derivatives lose digits: "
+    )
+    try:
+        changes = np.abs(derivatives(path(others)).derivatives - found.derivatives)
+    except SimulationError as error:
+        cause = str(error).splitlines()[0]
+        note += f"how many is unknown, as they are not found with steps of another length ({cause})"
+        return replace(found, notes=(*found.notes, note))
     sizes = np.max(np.abs(found.derivatives), axis=0)
     parts = np.divide(np.max(changes, axis=0), sizes, out=np.zeros_like(sizes), where=sizes > 0)
     i, j = np.unravel_index(np.argmax(parts), parts.shape)
-    note = (
-        f"the constraints lose rank at t = {along.passages[0]:.9g} s, next to which derivatives lose digits: "
+    note += (
         f"with other steps, that of {found.outputs[i]} by {found.parameters[j]} differs by {parts[i, j]:.1g} "
         "of its largest value"
     )

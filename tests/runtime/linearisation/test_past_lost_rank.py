@@ -9,6 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import symgen
+from symgen.errors import SimulationError
+from symgen.runtime.linearisation import runs
 from symgen.scene.loading import read_scene
 
 TIMES = np.linspace(0.1, 2.0, 20)
@@ -61,3 +63,21 @@ def test_the_note_on_a_loss_of_rank_has_the_error(rate, rtol):
     error = np.max(np.max(errors, axis=0) / np.max(np.abs(expected), axis=0))
     noted = re.search(r"lose rank at t = 0\.\d+ s.* differs by (\S+) of its largest value", notes[0])
     assert error < 5 * float(noted[1])
+
+
+def test_derivatives_are_kept_where_other_steps_fail(monkeypatch):
+    follow, failed = runs.follow, []
+
+    def at_one_tolerance(kernels, tangent, redundant, start, chosen, times):
+        if chosen.rtol != 1e-12:
+            failed.append(chosen)
+            raise SimulationError("the step is too small\n  Take a looser tolerance.", time=0.3)
+        return follow(kernels, tangent, redundant, start, chosen, times)
+
+    monkeypatch.setattr("symgen.runtime.rods.model.derivatives.follow", at_one_tolerance)
+    angle = float(np.arctan2(-0.8, 0.6))
+    expected = pendulum(angle, 10.0, 9.81 * 3.5 / (2 / 3 + 0.34 + 2)).T
+    found, (note,) = slopes_of(symgen.build("double_four_bar"), angle, 10.0, 1e-12)
+    assert failed
+    assert np.max(np.abs(found - expected)) < 1e-3
+    assert re.search(r"lose rank at t = .* unknown.* steps of another length \(the step is too small", note)
