@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import lru_cache
 
 import mpmath as mp
@@ -15,6 +16,7 @@ from shared.virtual_work import G, efforts, halves, meet, of_rods, slopes
 import symgen
 from symgen.errors import CapabilityError, DerivationError, ModelError, SceneError, SimulationError
 from symgen.export import export_c
+from symgen.runtime.integrate.dead_points import dead_points
 
 GRAVITY = {"acceleration": ["0 m/s^2", "-9.81 m/s^2"]}
 T = sp.Symbol("t")
@@ -296,8 +298,14 @@ def test_a_motion_that_returns_from_a_dead_point_touches_it():
     )
     tables = four_bar(moved, torque)
     tables["parameters"] = tables["parameters"] | {"d": f"{stretched!r} rad"}
-    found = symgen.build(symgen.Scene(**tables)).inverse_dynamics(0, 2, samples=40, over="time")
+    model = symgen.build(symgen.Scene(**tables))
+    found = model.inverse_dynamics(0, 2, samples=40, over="time")
     assert _dead_points(found) == pytest.approx([np.pi / 6, np.pi / 2], abs=1e-6)
+    ends = np.array([np.pi / 6, np.pi / 2])  # at both ends of the motion, too
+    notes = dead_points(
+        model.counting(model.initial_state()).evaluator, ends, np.array([model.reached(t).q for t in ends])
+    )
+    assert [float(note.split()[3]) for note in notes] == pytest.approx(ends, abs=1e-8)
 
 
 def test_rocker_cannot_turn_the_crank_past_its_dead_points():
@@ -673,3 +681,14 @@ def test_a_dead_centre_of_the_motion_itself_is_that_of_the_kinematics():
     scene["parameters"]["stroke"] = "9 cm"
     found = symgen.build(symgen.Scene(**scene)).inverse_dynamics(samples=9)
     assert "dead centre at t = 0.4455" in found.notes[0] and "have rank" not in found.notes[0]
+
+
+def test_a_search_for_dead_points_that_ends_early_says_when():
+    scene = slider_crank()
+    scene["parameters"]["stroke"] = "9 cm"
+    model = symgen.build(symgen.Scene(**scene))
+    start = model.initial_state()
+    (note,) = dead_points(model.counting(start).evaluator, np.array([0.0, 1.0]), np.array([start.q, start.q]))
+    reached = re.fullmatch(r"the motion could not be followed beyond t = (\S+) s in search of .*", note)
+    in_line = np.arcsin(7 / 9) / 2  # crank and rod
+    assert float(reached[1]) == pytest.approx(in_line, abs=1e-6)

@@ -24,12 +24,13 @@ def dead_points(evaluator: Evaluator, times: Array, states: Array) -> Iterator[s
 
     The drives are at a dead point there: the determinant of their rates by those of the prescribed quantities
     changes its sign, or touches zero. The motion is followed from the first of the states (q, ...).
+    A last note has the time at which this ends, if before the last of the times.
     """
     if not evaluator.efforts or evaluator.description.freedom or len(times) < 2:
         return
-    first = int(np.argmin(times))
+    first, last = int(np.argmin(times)), float(np.max(times))
     start = states[first, : evaluator.description.coordinates]
-    nodes = _followed(evaluator, float(times[first]), start, float(np.max(times)))
+    nodes = _followed(evaluator, float(times[first]), start, last)
     size = extent(evaluator, start)
 
     def along(i: int) -> Callable[[float], float]:
@@ -44,19 +45,29 @@ def dead_points(evaluator: Evaluator, times: Array, states: Array) -> Iterator[s
     values = np.array([_transmission(evaluator, t, q) for t, q in nodes])
     values[values == 0.0] = np.finfo(float).tiny
     largest = np.max(np.abs(values))
+    outer = [i for i in {0, len(nodes) - 1} if abs(values[i]) <= _ZERO * largest]
+    found = [nodes[i][0] for i in outer]
+    for i in outer:  # rounding errors next to zero are no change of sign
+        values[i] = np.copysign(values[i], values[abs(i - 1)])
     for i in range(1, len(nodes)):
-        found, (begin, end) = None, (nodes[i - 1][0], nodes[i][0])
+        begin, end = nodes[i - 1][0], nodes[i][0]
         if values[i - 1] * values[i] < 0:
-            found = _root(along(i), begin, end)
+            at = _root(along(i), begin, end)
+            pole = abs(along(i)(at)) > max(abs(values[i - 1]), abs(values[i]))  # a dead centre of the motion
+            found += [] if pole else [at]
         elif i + 1 < len(nodes) and np.argmin(values[i] * values[i - 1 : i + 2]) == 1:  # all of one sign
-            end = nodes[i + 1][0]
-            at, least = _least(along(i), begin, end)
-            found = at if least <= _ZERO * largest else None
-        if found is not None:
-            yield (
-                f"at t = {found:.9g} s there is a dead point of {drives_of(evaluator)}: next to it efforts "
-                "grow without bounds"
-            )
+            at, least = _least(along(i), begin, nodes[i + 1][0])
+            found += [at] if least <= _ZERO * largest else []
+    for t in sorted(found):
+        yield (
+            f"at t = {t:.9g} s there is a dead point of {drives_of(evaluator)}: next to it efforts "
+            "grow without bounds"
+        )
+    if (reached := nodes[-1][0]) < last:
+        yield (
+            f"the motion could not be followed beyond t = {reached:.9g} s in search of dead points of "
+            f"{drives_of(evaluator)}: later ones are not noted"
+        )
 
 
 def _root(of: Callable[[float], float], a: float, b: float) -> float:
