@@ -9,12 +9,14 @@ import numpy as np
 
 from symgen.errors import ModelError
 from symgen.runtime.arrays import Array
+from symgen.runtime.integrate.redundancy import extent
 from symgen.runtime.many.runs import FAILURES
+from symgen.runtime.result.records import converters
 from symgen.runtime.sweeps.designs import Design, Grid
 
 #: Most runs whose starts are compared, and most pairs that are named.
 _MOST, _NAMED = 2000, 3
-#: Distance of two starts over the size of the coordinates, beyond which each is looked for from the other;
+#: Distance of two starts over the size of the linkage, beyond which each is looked for from the other;
 #: that of different equilibria.
 _APART, _OTHER = 1e-2, 1e-4
 
@@ -39,7 +41,7 @@ def notes_on_starts(model: Any, analysis: str, design: Design, arguments: Any) -
             a, b = states[i], states[j]
             if a is None or b is None:
                 continue
-            size, way = float(np.max(np.abs(a.q))), float(np.max(np.abs(a.q - b.q)))
+            size, way = extent(models[i].evaluator, a.q), float(np.max(np.abs(a.q - b.q)))
             led = ((models[j], a, b), (models[i], b, a)) if way > _APART * size else ()
             if any(_misses(*each, _OTHER * size) for each in led):
                 found.append((i, j, way))
@@ -49,8 +51,10 @@ def notes_on_starts(model: Any, analysis: str, design: Design, arguments: Any) -
         values = (f"{name} = {x:.6g} {units[name]}" for name, x in zip(design.names, rows[i], strict=True))
         return ", ".join(values)
 
+    unit, scale = converters(model.description.units).get("m", ("m", 1.0))
     for i, j, way in found[:_NAMED]:
-        yield f"runs at {named(i)} and at {named(j)} start in different equilibria, {way:.3g} m apart"
+        apart = f"{way / scale:.3g} {unit} apart"
+        yield f"runs at {named(i)} and at {named(j)} start in different equilibria, {apart}"
     if len(found) > _NAMED:
         yield f"{len(found) - _NAMED} more pairs of neighbouring runs start in different equilibria"
 

@@ -261,16 +261,17 @@ def carry_out(
         rows = np.concatenate([np.arange(*span) for span in chunks if span[0] in kept])
         write_table(store.dataset().isel(run=rows), table)
         raise KeyboardInterrupt(f"{len(rows)} of {sweep.design.count} runs are in {table}") from None
-    if progress:
-        progress(1.0)
     if isinstance(store, Zarr) and store.group[DONE][:].all():  # the last part reads the others, once
         for first, _ in {*_chunks(sweep.design.count, store.chunk, (1, 1))} - {*chunks}:
             store.warn_of_damage(first)
     runs = store.dataset()
     if table:
         write_table(runs, table)
-    if notes := "\n".join(notes_on_starts(sweep.model, sweep.analysis, sweep.design, sweep.arguments)):
-        runs.attrs["notes"] = notes
+    with suppress(KeyboardInterrupt):  # the runs are finished: they are kept without the note
+        if notes := "\n".join(notes_on_starts(sweep.model, sweep.analysis, sweep.design, sweep.arguments)):
+            runs.attrs["notes"] = notes
+    if progress:
+        progress(1.0)
     return runs
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -72,6 +73,15 @@ def test_neighbours_in_different_equilibria_are_named(truss):
     way = places[last] - places[last + 1]
     assert runs.attrs["notes"] == f"runs {pair} start in different equilibria, {way:.3g} m apart"
     assert "notes" not in model.sweep({"m": MASSES[: last + 1]}, "simulate", reduce="final").attrs
+
+
+def test_a_scene_far_from_the_origin_has_the_same_note(truss, tmp_path):
+    far = re.sub(r'at = \["(\S+) m"', lambda m: f'at = ["{float(m[1]) + 1000:g} m"', TRUSS)
+    file = tmp_path / "far.toml"
+    file.write_text(far + '[units]\nlength = "mm"\n', encoding="utf-8")
+    near, shifted = (symgen.build(x).sweep({"m": MASSES}, "simulate", reduce="final") for x in (truss, file))
+    words, metres = near.attrs["notes"].removesuffix(" m apart").rsplit(" ", 1)
+    assert shifted.attrs["notes"] == f"{words} {float(metres) * 1e3:.3g} mm apart"
 
 
 def test_the_command_prints_them(truss):
