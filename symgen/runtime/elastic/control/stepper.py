@@ -45,7 +45,7 @@ _AIM = 0.1
 _ROUNDING = 1e-9
 #: Error of constraints of a given state over the largest size of a place.
 _APART = 1e-8
-#: The most steps of an advance, of which one comparison more is made.
+#: Steps of an advance that are not doubled again.
 _MOST = 2**14
 
 
